@@ -37,7 +37,7 @@ def test_files_with_slow_tests_are_guarded_as_far_as_asked_but_for_those_with_ch
         ("vsf_drake/model/parameters.py", (LABORATORY, SITE, FIT_PAGE, STUDY), ()),
         ("vsf_drake/laws/contact.py", (SITE, STUDY), ()),
         ("studies/virtual_laboratory/closing.py", (LABORATORY, SITE), (FIT_PAGE,)),
-        ("vsf_drake/report/templates/fit.html.j2", (SITE, FIT_PAGE), (LABORATORY,)),
+        ("vsf_drake/report/templates/fit/story.html.j2", (SITE, FIT_PAGE), (LABORATORY,)),
         ("tests/helpers/browser.py", (FIT_PAGE,), (LABORATORY, STUDY)),
         ("tests/conftest.py", (LABORATORY, FIT_PAGE), (STUDY,)),
         ("models/nominal.yaml", (LABORATORY, SITE, FIT_PAGE, STUDY), ()),

@@ -25,6 +25,12 @@ TRIAL = EXACT / "medium_1.yaml"
 FEW = ("--quick", "--freeze", "*", "--free", "offset.height")
 
 
+def left(folder: Path) -> list[str]:
+    """The files in it that are shown."""
+    files = [path.relative_to(folder) for path in folder.rglob("[!.]*") if path.is_file()]
+    return sorted(path.as_posix() for path in files)
+
+
 @pytest.fixture
 def bare(monkeypatch):
     """Fits write no figures, which take longer than a quick fit."""
@@ -36,16 +42,17 @@ def test_a_quick_fit_leaves_its_files_and_says_what_stands_in_them(quick_fit):
         read_json(quick_fit / "fit.json"),
         (quick_fit.parent / "said.txt").read_text(encoding="utf-8"),
     )
-    assert table["files"] == sorted(path.name for path in quick_fit.glob("[!.]*"))
+    assert table["files"] == left(quick_fit)
     assert {
         "contact.yaml",
         "fit.json",
         "fit.npz",
         "report.html",
-        "errors.png",
-        "parameters.svg",
-        "bench.png",
-        "trial_1_medium_1.png",
+        "appendix.html",
+        "figures/errors.png",
+        "figures/parameters.svg",
+        "figures/bench.png",
+        "figures/trial_1_medium_1.png",
     } < set(table["files"])
     contact = load_contact(quick_fit / "contact.yaml")
     assert contact.verdict == tuple(table["verdict"])
@@ -54,7 +61,10 @@ def test_a_quick_fit_leaves_its_files_and_says_what_stands_in_them(quick_fit):
     assert len(contact.person_curve.walks) == len(fitted) and len(table["layers"]["trials"]) == len(
         table["trials"]
     )
-    page = html.unescape((quick_fit / "report.html").read_text(encoding="utf-8"))
+    story, appendix = (
+        html.unescape((quick_fit / f"{name}.html").read_text(encoding="utf-8"))
+        for name in ("report", "appendix")
+    )
     metrics = table["trials"][0]["metrics"]
     first, second, third, *rest, last = [line for line in said.splitlines() if line]
     assert first == "SYNTHETIC, not recorded: medium_1, the bench."
@@ -69,15 +79,14 @@ def test_a_quick_fit_leaves_its_files_and_says_what_stands_in_them(quick_fit):
     assert any("not known of medium_1: no curve of another walk" in line for line in rest)
     assert any(line.startswith("! No trial was held out") for line in rest)
     assert last.startswith(f"written to {quick_fit / 'report.html'}")
-    shown = page[: page.index("<details")]
-    assert second in shown and third in shown
+    assert second in story and third in story
     for line in rest:  # said once: on the screen, on the page, in the file
-        assert line.removeprefix("! ") in shown and line.removeprefix("! ") in table["verdict"]
-    assert all(text in page for text in table["verdict"])
+        assert line.removeprefix("! ") in story and line.removeprefix("! ") in table["verdict"]
+    assert all(text in appendix for text in table["verdict"])
     assert f"model's prosthetic foot, {1e3 * metrics['foot_length_m']:.0f} mm" in " ".join(
-        page.split()
+        appendix.split()
     )
-    assert "offset.height" in page and "Smooth errors of joint angles" in page
+    assert "offset.height" in appendix and "Smooth errors of joint angles" in appendix
 
 
 def test_measured_curves_bring_stiffness_and_displacement_into_fit_page_and_screen(quick_fit):
@@ -86,7 +95,7 @@ def test_measured_curves_bring_stiffness_and_displacement_into_fit_page_and_scre
     apart = np.subtract(found["model_mm"], found["measured_mm"])
     assert found["rmse_mm"] == pytest.approx(np.sqrt(np.mean(apart**2))) and len(apart) == 5
     assert any("displacement is" in text for text in table["verdict"])
-    assert "Mid-range displacement" in (quick_fit / "report.html").read_text(encoding="utf-8")
+    assert "Mid-range displacement" in (quick_fit / "appendix.html").read_text(encoding="utf-8")
     assert "bench: bench_curves.csv" in table["inputs_sha256"]
     assert {row["series"] for row in table["noise"]["ratios"]} >= {
         "bench",
@@ -117,7 +126,7 @@ def left_by_a_failed_fit(out: Path) -> dict:
     (out / "checkpoint.json").unlink(missing_ok=True)
     page = (out / "report.html").read_text(encoding="utf-8")
     assert page.split("<h1")[1].split(">")[1].startswith("FAILED")
-    assert sorted(path.name for path in out.glob("[!.]*")) == table["files"]
+    assert left(out) == table["files"]
     return table
 
 
@@ -281,7 +290,7 @@ def test_a_held_out_trial_judged_at_a_height_of_its_own_says_so(run, tmp_path, b
     table = read_json(tmp_path / "fit" / "fit.json")
     height = f"{1e3 * table['trials'][1]['own_height_m']:+.1f} mm"
     assert table["trials"][0]["own_height_m"] is None and table["options"]["own_height"]
-    page = (tmp_path / "fit" / "report.html").read_text(encoding="utf-8")
+    page = (tmp_path / "fit" / "appendix.html").read_text(encoding="utf-8")
     assert f"held out, own height {height}" in page.replace("\u00a0", " ")
     assert "! As requested, each held-out trial has a height of its own" in said
     assert any("no prediction" in sentence and height in sentence for sentence in table["verdict"])
@@ -365,4 +374,6 @@ def test_two_trials_and_the_bench_predict_others(run, tmp_path):
     assert all(trial["metrics"]["null_model_grf_rmse_bw"] > 0.02 for trial in table["trials"])
     assert table["bench"]["rmse_n_per_mm"] <= 0.7 and len(table["left_out"]) == 4
     assert "bench (SYNTHETIC)" in said and "fulcrum found where it stood in 5 of 5 walks" in said
-    assert {"bench.png", "sweep.svg", "trial_5_high_3.png"} < set(table["files"])
+    assert {f"figures/{name}" for name in ("bench.png", "sweep.svg", "trial_5_high_3.png")} < set(
+        table["files"]
+    )

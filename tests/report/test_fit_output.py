@@ -4,6 +4,7 @@ one fit alone."""
 from __future__ import annotations
 
 import html
+import itertools
 import json
 import re
 from dataclasses import replace
@@ -24,16 +25,22 @@ from vsf_drake.report.fit_output import (
     FIT,
     HEADINGS,
     clear_fit,
-    fit_page,
     trial_cells,
     write_fit,
 )
+from vsf_drake.report.page import chapter_page
 from vsf_drake.simulation.archive import RECORD_FILE
 
 SMALL = made_fit(
     trials=(made_trial(sweep=None),), bench=None, parameters=(), searches=(), uncertainty=None
 )
 """A fit with two figures."""
+
+
+def left(folder):
+    """The files in it that are shown."""
+    files = [path.relative_to(folder) for path in folder.rglob("[!.]*") if path.is_file()]
+    return sorted(path.as_posix() for path in files)
 
 
 @pytest.fixture(scope="module")
@@ -48,30 +55,50 @@ def page(written):
     return (written / "report.html").read_text(encoding="utf-8")
 
 
-def test_page_is_whole_html_that_loads_nothing_with_the_verdict_before_any_number(page):
+@pytest.fixture(scope="module")
+def appendix(written):
+    return (written / "appendix.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def layers(monkeypatch):
+    """What makes story and appendix of a table, without figures."""
+    monkeypatch.setattr(fit_output, "fit_figures", lambda _: {})
+    return lambda table: chapter_page(**fit_output.fit_page(table), layers=FIT.layers)[0]
+
+
+@pytest.mark.parametrize(
+    ("layer", "images"),
+    [("page", 2), ("appendix", 6)],
+    ids=["story: errors and the held-out trial", "appendix: the rest, and every trial"],
+)
+def test_both_layers_are_whole_html_that_load_nothing(request, layer, images):
+    text = request.getfixturevalue(layer)
     reader = Balanced()
-    reader.feed(page)
+    reader.feed(text)
     assert reader.open == []
     for tag, attributes in reader.seen:
         assert tag not in ("link", "iframe")
         assert attributes.get("src", "data:image/png;base64,").startswith("data:image/png;base64,")
-    assert "http" not in re.sub(r"base64,[^\"]*", "", page)
-    assert sum(tag == "img" for tag, _ in reader.seen) == 8, (
-        "of the held-out trial one open, one among all"
-    )
-    assert re.findall(r"<h2>(.*?)</h2>", page) == ["Verdict", "What to do next"]
-    shown = page[: page.index("<details")]
+    assert "http" not in re.sub(r"base64,[^\"]*", "", text)
+    assert sum(tag == "img" for tag, _ in reader.seen) == images
+
+
+def test_the_story_has_the_verdict_before_any_number_and_the_appendix_the_rest(page, appendix):
+    assert re.findall(r"<h2>(.*?)</h2>", page) == ["What to do next"]
+    assert "<details" not in page and 'href="appendix.html"' in page
     first, warning = made_fit().headline
-    assert f"<p><strong>{first}</strong></p>" in html.unescape(shown)
-    assert f'<p class="missing">{warning.removeprefix("! ")}</p>' in shown
-    assert "Not &lt;so&gt;" not in shown, "the rest of the verdict is folded"
+    assert f'<p class="verdict">{first}</p>' in html.unescape(page)
+    assert f'<p class="missing">{warning.removeprefix("! ")}</p>' in page
+    assert "Not &lt;so&gt;" not in page, "the rest of the verdict is in the appendix"
     assert (
-        "<li>Not &lt;so&gt; sure &amp; so on.</li>" in page
-        and "&lt;b&gt;odd&lt;/b&gt; $x_$ ü" in page
+        "<li>Not &lt;so&gt; sure &amp; so on.</li>" in appendix
+        and "&lt;b&gt;odd&lt;/b&gt; $x_$ ü" in appendix
     )
+    assert 'href="report.html"' in appendix and "What to do next" not in appendix
 
 
-def test_unusable_recordings_and_far_offsets_are_alarms_that_stand_open_on_the_page():
+def test_unusable_recordings_and_far_offsets_are_alarms_of_the_story(layers):
     mark = RecordingMark(
         mark="unusable", expected_error_bw=0.12, verdict="unusable, expected error 12.0 % > 10 % BW"
     )
@@ -91,9 +118,9 @@ def test_unusable_recordings_and_far_offsets_are_alarms_that_stand_open_on_the_p
         "FAR OFFSET: the fitted height is -55 mm,",
         "FAR OFFSET: the fitted inversion is +5.7",
     ]
-    shown = html.unescape(fit_page(replace(table, headline=()), {}))
+    shown = html.unescape(layers(replace(table, headline=()))[0])
     for alarm in table.alarms:
-        assert alarm in shown[: shown.index("<details")], "also where nothing was judged"
+        assert alarm in shown, "also where nothing was judged"
 
 
 @pytest.mark.slow
@@ -101,9 +128,10 @@ def test_unusable_recordings_and_far_offsets_are_alarms_that_stand_open_on_the_p
     chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)"
 )
 def test_page_reads_on_a_desk_and_on_a_telephone(written, tmp_path):
-    for width in (1300, 390):
-        (tmp_path / str(width)).mkdir()
-        seen = look(written / "report.html", tmp_path / str(width), width=width)
+    for name, width in itertools.product(("report", "appendix"), (1300, 390)):
+        folder = tmp_path / f"{name}_{width}"
+        folder.mkdir()
+        seen = look(written / f"{name}.html", folder, width=width)
         assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == (
             [],
             [],
@@ -111,11 +139,11 @@ def test_page_reads_on_a_desk_and_on_a_telephone(written, tmp_path):
             0,
             0,
         )
-        assert seen.scroll <= width and seen.images == 8 and 100 < seen.words <= 600
+        assert seen.scroll <= width and 60 < seen.words <= 1200
 
 
-def test_every_trial_stands_there_in_layers_with_its_correction(page):
-    text = re.sub(r"<[^>]*>", "|", page)
+def test_every_trial_stands_there_in_layers_with_its_correction(appendix, layers):
+    text = re.sub(r"<[^>]*>", "|", appendix)
     assert (
         "||".join(
             (
@@ -137,63 +165,67 @@ def test_every_trial_stands_there_in_layers_with_its_correction(page):
         in text
     )
     assert "|4.1||4.2||–||–|" in text and "none: the intact foot was not seen to swing" in text
-    assert "Prediction in three layers" in page and "three layers" not in fit_page(
-        made_fit(layers=None), {}
-    )
+    assert "Prediction in three layers" in appendix
+    assert "three layers" not in layers(made_fit(layers=None))[1]
 
 
-def test_every_trial_stands_there_with_all_its_numbers_and_what_is_there_is_explained(page):
-    text = re.sub(r"<[^>]*>", "|", page)
+def test_every_trial_stands_there_with_all_its_numbers_and_what_is_there_is_explained(
+    page, appendix, layers
+):
+    text = re.sub(r"<[^>]*>", "|", appendix)
     for trial in made_fit().trials[:2]:
         assert "||".join(trial_cells(trial)) in text and len(HEADINGS) == len(trial_cells(trial))
-    assert "|12.7|" in text and "length of the model&#39;s prosthetic foot" in page.replace(
+    assert "|12.7|" in text and "length of the model&#39;s prosthetic foot" in appendix.replace(
         "'", "&#39;"
     )
-    assert f"{1e3 * FOOT_LENGTH_M:.0f} mm, in both directions" in page
-    explained = ("The null model is measured curves", "The floor is", "The sweep moves")
-    assert all(words in page for words in explained)
+    assert f"{1e3 * FOOT_LENGTH_M:.0f} mm, in both directions" in appendix
+    null = "Null model: measured curves"
+    explained = ("The floor is", "The sweep moves")
+    assert null in page and all(words in appendix for words in explained)
     bare = made_trial(
         metrics=replace(METRICS, null_model_grf_rmse_bw=None), floor_grf_rmse_bw=None, sweep=None
     )
-    alone = fit_page(made_fit(trials=(bare,)), {})
-    assert "Stance error is" in alone and not any(words in alone for words in explained)
+    story, alone = layers(made_fit(trials=(bare,)))
+    assert "Stance error is" in alone and null not in story
+    assert not any(words in alone for words in explained)
 
 
-def test_a_failed_fit_says_so_in_its_first_line_and_shows_no_number_as_a_result():
-    page = fit_page(failed_fit(), {})
-    body = page.split("<body>")[1].strip()
-    assert re.search(r"<h1[^>]*>(.*?)<", body)[1].startswith("FAILED: contact fit")
-    assert "<title>FAILED" in page and "no &lt;search&gt; converged" in page
-    assert "No contact file was written" in page and "<h2>Parameters</h2>" not in page
-    Balanced().feed(page)
+def test_a_failed_fit_says_so_in_its_first_line_and_shows_no_number_as_a_result(layers):
+    for page in layers(failed_fit()):
+        assert re.search(r"<h1>(.*?)<", page)[1].startswith("FAILED: contact fit")
+        alarm = re.search(r'<p class="alarm" role="alert">(.*?)</p>', page)[1]
+        assert alarm.startswith("FAILED: no &lt;search&gt; converged. No contact file was written")
+        assert "<title>FAILED" in page and "<h2>Parameters</h2>" not in page
+        Balanced().feed(page)
 
 
-def test_a_fit_without_a_bench_has_its_page_and_doubts_about_a_bench_stand_in_its_head():
-    page = fit_page(made_fit(bench=None), {})
+def test_a_fit_without_a_bench_has_its_page_and_doubts_about_a_bench_are_of_the_story(layers):
+    page, _ = layers(made_fit(bench=None))
     assert "Press the foot in a testing machine" in page
-    doubted = fit_page(made_fit(bench=replace(BENCH, doubts=("kgf, not N?",))), {})
-    assert "kgf, not N?" in doubted[: doubted.index("<details")] and "kgf" not in page
+    doubted, _ = layers(made_fit(bench=replace(BENCH, doubts=("kgf, not N?",))))
+    assert "kgf, not N?" in doubted and "kgf" not in page
 
 
-def test_a_trial_may_be_named_with_the_sign_that_parts_cells():
+def test_a_trial_may_be_named_with_the_sign_that_parts_cells(layers):
     table = made_fit(trials=(made_trial("a│b"),))
     left_out = replace(table.left_out[0], left_out=("a│b",))
-    assert "a|b" in fit_page(replace(table, left_out=(left_out,)), {})
+    assert "a|b" in layers(replace(table, left_out=(left_out,)))[1]
 
 
-def test_synthetic_data_are_named_in_title_and_text():
+def test_synthetic_data_are_named_in_title_and_text(layers):
     table = made_fit(
         synthetic=True, trials=(made_trial(synthetic=True),), bench=replace(BENCH, synthetic=True)
     )
-    page = fit_page(table, {})
-    assert "(SYNTHETIC)</title>" in page and "SYNTHETIC, not recorded: soft, the bench." in page
+    for page in layers(table):
+        assert "(SYNTHETIC)</title>" in page
+        assert '<p class="synthetic">SYNTHETIC, not recorded: soft, the bench.' in page
 
 
 def test_table_and_curves_are_read_back_and_refused_where_they_do_not_belong_together(
     written, tmp_path
 ):
     table, arrays = FIT.read(written)
-    assert table["files"] == sorted(path.name for path in written.glob("[!.]*"))
+    assert table["files"] == left(written)
     assert (
         table["searches"][1]["cost"] is None
         and table["trials"][0]["sweep"]["grf_rmse_bw"][-1] is None
@@ -217,26 +249,25 @@ def test_a_later_fit_leaves_nothing_of_an_earlier_one_and_all_of_others(
     monkeypatch.setattr(
         fit_output,
         "fit_figures",
-        lambda table: {"trial_1_soft" if table.success else "searches": Figure()},
+        lambda table: {"trial_1_soft" if table.success else "errors": Figure()},
     )
-
-    def left():
-        return {path.name for path in tmp_path.glob("[!.]*")}
 
     def forget():
         if not recorded:
             (tmp_path / RECORD_FILE).unlink()
 
     write_fit(SMALL, tmp_path, contact=made_contact())
-    assert {"trial_1_soft.png", "trial_1_soft.svg", "fit.npz", "contact.yaml"} < left()
+    drawn = {"figures/trial_1_soft.png", "figures/trial_1_soft.svg"}
+    assert drawn | {"appendix.html", "fit.npz", "contact.yaml"} < {*left(tmp_path)}
     (tmp_path / "notes.txt").write_text("mine")
     forget()
     write_fit(failed_fit(), tmp_path)
-    assert left() == {"notes.txt", "fit.json", "report.html", "searches.png", "searches.svg"}
+    drawn = {"figures/errors.png", "figures/errors.svg"}
+    assert {*left(tmp_path)} == drawn | {"notes.txt", "fit.json", "report.html", "appendix.html"}
     write_fit(SMALL, tmp_path, contact=made_contact())
     forget()
     clear_fit(tmp_path)
-    assert left() == {"notes.txt"}
+    assert left(tmp_path) == ["notes.txt"]
 
 
 def test_a_table_cannot_make_the_next_fit_remove_files_of_others(tmp_path):

@@ -50,23 +50,26 @@ def test_a_table_of_another_format_is_refused(tmp_path):
         read_map(tmp_path)
 
 
-def test_published_means_are_bands_in_the_panels_that_have_them():
-    """Three feet, each a band and its mean, in radius, EFLR and returned energy; nothing in the
-    others."""
+def test_published_means_are_marks_in_the_panels_that_have_them():
+    """Three feet, each a mark with a bar, in radius, EFLR and returned energy, beyond the
+    model's fulcrum; nothing in the others."""
     figure = curves_figure(made_map(radius), "mass_kg", published=True)
-    lines = {
-        axes.get_title(loc="left"): [line for line in axes.lines if line.get_linestyle() == ":"]
+    marks = {
+        axes.get_title(loc="left"): [bar.lines[0] for bar in axes.containers]
         for axes in figure.axes
     }
-    assert {title: len(own) for title, own in lines.items() if own} == dict.fromkeys(
-        ("radius (m)", "EFLR (1)", "returned (J/kg)"), 3
+    eflr = "rolls forward to (EFLR, 1)"
+    assert {title: len(own) for title, own in marks.items() if own} == dict.fromkeys(
+        ("roll-over radius (m)", eflr, "given back (J/kg)"), 3
     )
+    assert len({mark.get_marker() for mark in marks[eflr]}) == 3, "told apart without colour"
+    assert min(mark.get_xdata()[0] for mark in marks[eflr]) > 151.0
     means = {
         row.mean
         for row in published_effects()
         if row.measure == "effective foot length ratio" and row.mean
     }
-    assert {line.get_ydata()[0] for line in lines["EFLR (1)"]} == means == {0.78, 0.72, 0.76}
+    assert {mark.get_ydata()[0] for mark in marks[eflr]} == means == {0.78, 0.72, 0.76}
 
 
 def test_a_radius_that_is_not_known_everywhere_is_said_and_the_rest_stands(tmp_path):

@@ -72,6 +72,7 @@ def test_nothing_lies_over_anything_on_any_page(quick_validation, tmp_path):
     pages |= {
         "validate": (quick_validation / "report.html").read_text(encoding="utf-8"),
         "validate_appendix": (quick_validation / "appendix.html").read_text(encoding="utf-8"),
+        "fit_appendix": (tmp_path / "fit/appendix.html").read_text(encoding="utf-8"),
         "stuck": STUCK,
         "import": import_page([walk], title="A recording", failures={}, replay="replay.html"),
     }

@@ -240,8 +240,9 @@ def role(n, error, null=None, beats=0):
         (
             {"held_out": role(7, 0.028, 0.042, 6)},
             [
-                "The model beats the harder null: on 7 held-out walks its ground reaction force is "
-                "2.8 % of body weight off (RMS), that of other walks' plate curves 4.2 %.",
+                "The model beats the null model: on 7 held-out walks its ground reaction force is "
+                "2.8 % of body weight off (RMS), that of other walks' plate curves, without any "
+                "model, 4.2 %.",
                 "The null model, other walks' plate curves stretched to the stance and, of several "
                 "settings, interpolated to this one, is 4.2 % off; the model has the smaller error "
                 "in 6 of 7. The nearest single curve, which only the walk's own plate can name, "
@@ -251,9 +252,9 @@ def role(n, error, null=None, beats=0):
         (
             {"held_out": role(2, 0.05, 0.042), "synthetic": True},
             [
-                "The model does not beat the harder null: on 2 held-out SYNTHETIC walks its ground "
+                "The model does not beat the null model: on 2 held-out SYNTHETIC walks its ground "
                 "reaction force is 5.0 % of body weight off (RMS), that of other walks' plate "
-                "curves 4.2 %.",
+                "curves, without any model, 4.2 %.",
                 "The null model, other walks' plate curves stretched to the stance and, of several "
                 "settings, interpolated to this one, is 4.2 % off; the model has the smaller error "
                 "in 0 of 2. The nearest single curve, which only the walk's own plate can name, "
@@ -296,6 +297,9 @@ def test_the_verdict_compares_the_model_with_the_null_model_on_walks_it_has_not_
         )
 
     assert verdict(walking=walking) == said
+    if known["held_out"] and known["held_out"].null_bw:
+        both = verdict(walking=walking, layers=SimpleNamespace(null_bw=0.02, rows=[], phases=[]))
+        assert "does not beat the harder null" in both[0] and both[0].endswith("2.0 %.")
     assert verdict(summary=[{"what": "bench", "met": False}, {"what": "energy", "met": None}]) == [
         "No walk could be compared with its plate.",
         "Criteria not met: bench.",

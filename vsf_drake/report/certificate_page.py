@@ -102,7 +102,7 @@ def certificate_page(
             ),
         ],
         "synthetic": False,
-        "first_line": str(render("certificate/first_line.txt.j2", others=facts["others"])).strip(),
+        "first_line": render("certificate/first_line.txt.j2", others=facts["others"]),
     }
 
 

@@ -86,7 +86,7 @@ def compare_page(
         "title": "Two sides compared",
         "chapters": chapters,
         "synthetic": synthetic,
-        "first_line": str(render("compare/first_line.txt.j2", t=table)).strip(),
+        "first_line": render("compare/first_line.txt.j2", t=table),
     }
 
 

@@ -4,11 +4,11 @@ nothing."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.base.files import write_text
 from vsf_drake.base.sentences import say
 from vsf_drake.fit.assessment import FITTED, HELD_OUT
 from vsf_drake.fit.parameters import REFERENCE_DEPTH_M
@@ -16,9 +16,8 @@ from vsf_drake.fit.solution import ParameterRow
 from vsf_drake.fit.table import FitTable, FitTrialRow, fit_arrays, fit_json
 from vsf_drake.model.contact_file import FittedContact, save_contact
 from vsf_drake.report.fit_figures import fit_figures, is_smooth, trial_name
-from vsf_drake.report.page import UNKNOWN, number, render, shown
-from vsf_drake.report.results_folder import PAGE, ResultsFolder
-from vsf_drake.report.style import save_figure
+from vsf_drake.report.page import UNKNOWN, Chapter, number, render, shown
+from vsf_drake.report.results_folder import APPENDIX, CHAPTERS, PAGE, ResultsFolder
 from vsf_drake.simulation.archive import remove_result
 from vsf_drake.walks.null_model import several_settings
 from vsf_drake.walks.quantities import (
@@ -32,14 +31,15 @@ from vsf_drake.walks.quantities import (
 CONTACT = "contact.yaml"
 CHECKPOINT = "checkpoint.json"
 FIT = ResultsFolder(
+    layered=True,
     kind="fit",
     command="fit",
     table="fit.json",
     arrays="fit.npz",
     known=lambda table: table.get("kind") == "fit",
     damaged_too=False,
-    names=(CONTACT, PAGE, CHECKPOINT),
-    stale=(CONTACT,),
+    names=(CONTACT, PAGE, APPENDIX, CHECKPOINT, *CHAPTERS),
+    stale=(CONTACT, *CHAPTERS),
     unfinished=lambda out: (out / CHECKPOINT).exists(),
 )
 _SHOWN = {
@@ -79,7 +79,7 @@ def clear_fit(out: Path, *, checkpoint: bool = True) -> None:
     """Removes what an earlier fit left in `out`, its checkpoint too unless told otherwise; files of
     others stay."""
     try:
-        remove_result(out, FIT.kind, (CONTACT,))
+        remove_result(out, FIT.kind, (CONTACT,), stale=FIT.stale)
         if checkpoint:
             (out / CHECKPOINT).unlink(missing_ok=True)
     except OSError as error:
@@ -99,25 +99,16 @@ def write_fit(table: FitTable, out: Path, *, contact: FittedContact | None = Non
     """
     if contact is not None and not table.success:
         raise ValueError("a fit that failed leaves no contact")
-    figures, arrays = fit_figures(table), fit_arrays(table)
-    files = [
-        FIT.table,
-        PAGE,
-        *(f"{name}{suffix}" for name in figures for suffix in (".png", ".svg")),
-        *([FIT.arrays] if arrays else []),
-        *([CONTACT] if contact is not None else []),
-    ]
+    arrays = fit_arrays(table)
 
-    def more(folder: Path, _: object) -> None:
-        images = {
-            name: save_figure(figure, folder / name)[0].read_bytes()
-            for name, figure in figures.items()
-        }
-        write_text(folder / PAGE, fit_page(table, images))
+    def more(folder: Path, told: dict[str, Any]) -> None:
+        files, _ = FIT.write_page(folder, fit_page(table), svg=True)
         if contact is not None:
             save_contact(contact, folder / CONTACT)
+        others = (FIT.table, *([FIT.arrays] if arrays else []), *([CONTACT] if contact else []))
+        told["files"] = sorted((*others, *(path.as_posix() for path in files)))
 
-    FIT.write(out, {**fit_json(table), "files": sorted(files)}, arrays or None, more=more)
+    FIT.write(out, fit_json(table), arrays or None, more=more)
     if table.success or not table.parameters:
         (out / CHECKPOINT).unlink(missing_ok=True)
 
@@ -125,9 +116,8 @@ def write_fit(table: FitTable, out: Path, *, contact: FittedContact | None = Non
 # The page, and numbers of the table as text: in the units that people use.
 
 
-def fit_page(table: FitTable, figures: Mapping[str, bytes]) -> str:
-    """The page as HTML; figures are the PNG of those that `fit_figures` makes of the same
-    table."""
+def fit_page(table: FitTable) -> dict[str, Any]:
+    """What `page.chapter_page` is to be given of a fit."""
     judged = [trial for trial in table.trials if trial.score is not None]
     columns = told_columns(judged) if judged else [0, 1, 2]
     kind = "Contact fit" if table.strategy == "joint" else "Contact fit by the paper's procedure"
@@ -135,40 +125,71 @@ def fit_page(table: FitTable, figures: Mapping[str, bytes]) -> str:
     own = own_parameters(table)
     passive = table.trials[0].fulcrum_mm is None  # all are on one foot
     place = "foot" if passive else PLACE
+    synthetic = synthetic_of(table)
+    figures = fit_figures(table)
     curves = {trial_name(i, trial): trial.role for i, trial in enumerate(table.trials)}
     drawn = [name for name in curves if name in figures]
-    return str(
-        render(
-            "fit.html.j2",
-            fit=table,
-            figures=figures,
-            synthetic=synthetic_of(table),
-            title=title if table.success else f"FAILED: {title[0].lower()}{title[1:]}",
-            passive=passive,
-            place=place,
-            trial_headings=[place if HEADINGS[i] == PLACE else HEADINGS[i] for i in columns],
-            trial_rows=[
-                [trial_cells(trial)[i] for i in columns] for trial in judged or table.trials
-            ],
-            one_setting=not several_settings(
-                1e-3 * trial.fulcrum_mm
-                for trial in table.trials
-                if trial.role == FITTED and trial.fulcrum_mm is not None
-            ),
-            heading=lambda name: _headings([name])[0],
-            curves=drawn,
-            shown_curve=min(drawn, key=lambda name: curves[name] != HELD_OUT, default=None),
-            own=own,
-            rest=[row for row in table.parameters if not row.frozen and row not in own],
-            reference_depth_mm=1e3 * REFERENCE_DEPTH_M,
-            infinity=math.inf,
-            degrees=math.degrees,
-            why_not=lambda reason: say("not_corrected", "words", why_not=reason)[0],
-            shown_value=shown_value,
-            shown_unit=shown_unit,
-            shown_interval=shown_interval,
-        )
+    facts = {
+        "fit": table,
+        "figures": figures,
+        "passive": passive,
+        "place": place,
+        "trial_headings": [place if HEADINGS[i] == PLACE else HEADINGS[i] for i in columns],
+        "trial_rows": [
+            [trial_cells(trial)[i] for i in columns] for trial in judged or table.trials
+        ],
+        "one_setting": not several_settings(
+            1e-3 * trial.fulcrum_mm
+            for trial in table.trials
+            if trial.role == FITTED and trial.fulcrum_mm is not None
+        ),
+        "heading": lambda name: _headings([name])[0],
+        "curves": drawn,
+        "shown_curve": min(drawn, key=lambda name: curves[name] != HELD_OUT, default=None),
+        "own": own,
+        "rest": [row for row in table.parameters if not row.frozen and row not in own],
+        "reference_depth_mm": 1e3 * REFERENCE_DEPTH_M,
+        "infinity": math.inf,
+        "degrees": math.degrees,
+        "why_not": lambda reason: say("not_corrected", "words", why_not=reason)[0],
+        "shown_value": shown_value,
+        "shown_unit": shown_unit,
+        "shown_interval": shown_interval,
+    }
+    bench = table.bench is not None and table.bench.stiffness is not None
+    searched = table.searches or (table.paper is not None and table.paper.history)
+    chapters = (
+        ("story", "", True),
+        ("verdict", "The verdict in full", table.headline),
+        ("trials", "Trials", True),
+        ("layers", "Prediction in three layers", table.layers),
+        ("angle_errors", "With errors of hip and knee", table.angle_errors),
+        ("sweep", "Error over the position of the fulcrum", "sweep" in figures),
+        ("curves", "Force and centre of pressure of every trial", drawn),
+        ("bench", "Bench", bench),
+        ("parameters", "Parameters", table.parameters),
+        ("uncertainty", "What the data determine", table.uncertainty),
+        ("left_out", "Fits without each trial in turn", table.left_out),
+        ("searches", "Searches", searched),
+        ("made", "How it was made", True),
     )
+    return {
+        "title": title if table.success else f"FAILED: {title[0].lower()}{title[1:]}",
+        "chapters": [
+            Chapter(
+                name=name,
+                title=heading,
+                template=f"fit/{name}.html.j2",
+                facts=facts,
+                figures=figures,
+            )
+            for name, heading, told in chapters
+            if told
+        ],
+        "synthetic": bool(synthetic),
+        "alarm": "" if table.success else render("fit/failed.txt.j2", fit=table),
+        "first_line": render("fit/first_line.txt.j2", synthetic=synthetic, bench=table.bench),
+    }
 
 
 def shown_unit(row: ParameterRow) -> str:

@@ -13,13 +13,12 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from vsf_drake.base.files import plain
 from vsf_drake.device.stiffness_map import MapTable, StiffnessMap, map_of
 from vsf_drake.report.page import Chapter, made_chapter, render
 from vsf_drake.report.results_folder import ResultsFolder
-from vsf_drake.report.style import PANEL, Arrays, drawing, label, legend_below
+from vsf_drake.report.style import PANEL, Arrays, drawing, entry, label, legend_below
 from vsf_drake.walks.published import LEG_M, Effect, published_effects
 
 AXES = {
@@ -30,12 +29,12 @@ AXES = {
 }
 """What a curve over the fulcrum may be drawn for, in words."""
 _PANELS = {
-    "radius": "radius (m)",
-    "eflr": "EFLR (1)",
+    "radius": "roll-over radius (m)",
+    "eflr": "rolls forward to (EFLR, 1)",
     "moment_arm": "arm under the load (mm)",
     "stiffness": "stiffness (N/mm)",
     "stored": "stored (J/kg)",
-    "returned": "returned (J/kg)",
+    "returned": "given back (J/kg)",
 }
 _MEASURES = {
     "radius": ("roll-over radius", LEG_M),
@@ -43,7 +42,10 @@ _MEASURES = {
     "returned": ("energy returned", 1.0),
 }
 """By panel: what the published table calls it, and what leads from its unit to the panel's."""
-_FEET = {"LLTE": "tab:green", "Horizon LT": "tab:red", "daily-use": "tab:blue"}
+_FEET = {"LLTE": "o", "Horizon LT": "s", "daily-use": "^"}
+_PUBLISHED: dict[str, Any] = {"color": "0.25", "linestyle": "", "markersize": 5}
+_APART_MM = 4.0
+"""Of the published feet, which stand beyond the model's curves."""
 _TOLD_FIRST = ("eflr", "returned", "stiffness")
 """Quantities that a prosthetist has words for."""
 _STEPS = {"mass_kg": 1.0, "slope_deg": 0.5, "fulcrum_mm": 1.0}
@@ -81,7 +83,7 @@ def map_page(
             for section in sections
         ],
         "synthetic": False,
-        "first_line": str(render("map/first_line.txt.j2")).strip(),
+        "first_line": render("map/first_line.txt.j2"),
     }
 
 
@@ -227,7 +229,7 @@ def curves_figure(mapped: StiffnessMap, name: str, *, published: bool = False) -
         panels = figure.subplots(-(-len(shown) // 2), 2, sharex=True).ravel()
         for axes, (panel, title) in zip(panels, shown.items(), strict=False):
             if published and panel in _MEASURES:
-                _published_bands(axes, panel)
+                _published(axes, panel, positions[-1])
             for value, colour in chosen.items():
                 mass = value if name == "mass_kg" else middle_mass
                 scale = 1.0 / mass if panel in ("stored", "returned") else 1.0
@@ -247,23 +249,27 @@ def curves_figure(mapped: StiffnessMap, name: str, *, published: bool = False) -
         ]
         if published:
             handles += [
-                Patch(color=colour, alpha=0.2, label=f"{foot}, Prost 2022")
-                for foot, colour in _FEET.items()
+                entry(f"{foot}, Prost 2022", marker=marker, **_PUBLISHED)
+                for foot, marker in _FEET.items()
             ]
         legend_below(figure, handles)
     return figure
 
 
-def _published_bands(axes: Axes, panel: str) -> None:
-    """Means ± SD of the feet of the published table, each a band with its mean."""
+def _published(axes: Axes, panel: str, last_mm: float) -> None:
+    """Means ± SD of the feet of the published table, beside what the model has at its last
+    position."""
     measure, scale = _MEASURES[panel]
     rows: list[Effect] = [
         row for row in published_effects() if row.measure == measure and row.condition in _FEET
     ]
-    for row in rows:
+    for i, row in enumerate(rows):
         if row.mean is not None and row.sd is not None:
-            colour = _FEET[row.condition]
-            mean = scale * row.mean
-            sd = scale * row.sd
-            axes.axhspan(mean - sd, mean + sd, color=colour, alpha=0.08, linewidth=0, zorder=0)
-            axes.axhline(mean, color=colour, linewidth=0.9, linestyle=":", zorder=1)
+            axes.errorbar(
+                last_mm + (1 + i) * _APART_MM,
+                scale * row.mean,
+                yerr=scale * row.sd,
+                marker=_FEET[row.condition],
+                capsize=3.0,
+                **_PUBLISHED,
+            )

@@ -63,7 +63,7 @@ def predict_page(
             ),
         ],
         "synthetic": saved["synthetic"],
-        "first_line": str(render("predict/first_line.txt.j2", t=saved)).strip(),
+        "first_line": render("predict/first_line.txt.j2", t=saved),
     }
 
 

@@ -89,7 +89,7 @@ def protocol_page(
             ),
         ],
         "synthetic": False,
-        "first_line": str(render("protocol/first_line.txt.j2")).strip(),
+        "first_line": render("protocol/first_line.txt.j2"),
     }
 
 

@@ -119,7 +119,9 @@ class ResultsFolder:
                 written["arrays_sha256"] = None if arrays is None else sha256(folder / self.arrays)
             more(folder, written)
             if self.show:
-                self._write_page(folder, folder, written, arrays or {}, lenient=False)
+                self.write_page(
+                    folder, self.show(written, arrays or {}, folder=folder, lenient=False)
+                )
             write_json(folder / self.table, written, sort=not self.show)
         return written
 
@@ -139,7 +141,8 @@ class ResultsFolder:
             out, self.kind, stale=(*self.stale, *CHAPTERS, self.table, self.arrays)
         ) as folder:
             more(folder, shown)
-            self._write_page(folder, folder, shown, arrays, lenient=False)
+            assert self.show is not None
+            self.write_page(folder, self.show(shown, arrays, folder=folder, lenient=False))
         return Path(out) / PAGE
 
     def read(self, folder: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -178,9 +181,9 @@ class ResultsFolder:
         table, arrays = self.read(out)
         with result_folder(out, self.kind, add=True) as temporary:
             try:
-                files, missing = self._write_page(
-                    temporary, out, table, arrays, lenient=True, svg=svg
-                )
+                assert self.show is not None
+                page = self.show(table, arrays, folder=out, lenient=True)
+                files, missing = self.write_page(temporary, page, lenient=True, svg=svg)
             except (LookupError, TypeError, ValueError, AttributeError, UndefinedError) as error:
                 raise InputError(
                     f"is damaged ({type(error).__name__}: {error})",
@@ -205,30 +208,18 @@ class ResultsFolder:
         except InputError:
             return self.damaged_too
 
-    def _write_page(
-        self,
-        folder: Path,
-        out: Path,
-        table: Mapping[str, Any],
-        arrays: Mapping[str, np.ndarray],
-        *,
-        lenient: bool,
-        svg: bool = False,
+    def write_page(
+        self, folder: Path, page: Mapping[str, Any], *, lenient: bool = False, svg: bool = False
     ) -> tuple[set[Path], list[str]]:
-        """Page, figures and tables into `folder`; paths of these in it, and what is missing in
-        sentences."""
-        assert self.show is not None
+        """Page, figures and tables into `folder`, of what `page.chapter_page` is to be given; paths
+        of these in it, and what is missing in sentences."""
         pages, shown = chapter_page(
-            **self.show(table, arrays, folder=out, lenient=lenient),
-            folder=folder,
-            lenient=lenient,
-            svg=svg,
-            layers=self.layers,
+            **page, folder=folder, lenient=lenient, svg=svg, layers=self.layers
         )
-        for file, page in zip(self.layers, pages, strict=True):
-            write_text(folder / file, page)
+        for file, text in zip(self.layers, pages, strict=True):
+            write_text(folder / file, text)
         return (
-            set().union(*(chapter.files for chapter in shown)),
+            {Path(file) for file in self.layers}.union(*(chapter.files for chapter in shown)),
             [
                 f"{chapter.title}: {sentence}" if chapter.title else sentence
                 for chapter in shown

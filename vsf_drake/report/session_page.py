@@ -44,7 +44,7 @@ def session_page(
             ),
         ],
         "synthetic": saved["synthetic"],
-        "first_line": str(render("session/first_line.txt.j2", t=saved)).strip(),
+        "first_line": render("session/first_line.txt.j2", t=saved),
     }
 
 

@@ -110,10 +110,12 @@ def result_folder(
             raise InputError(f"cannot be written ({error.strerror or error})", file=out) from None
 
 
-def remove_result(out: Path, kind: str, names: Iterable[str] = ()) -> None:
+def remove_result(
+    out: Path, kind: str, names: Iterable[str] = (), *, stale: Iterable[str] = ()
+) -> None:
     """Removes from `out` what was written there as a result of `kind` and not changed since, and
-    files of `names`."""
-    for name, digest in {**_earlier(out, kind), **dict.fromkeys(names)}.items():
+    files of `names`; `stale` as for `result_folder`."""
+    for name, digest in {**_earlier(out, kind, stale), **dict.fromkeys(names)}.items():
         path = out / name
         if (
             path.is_file()

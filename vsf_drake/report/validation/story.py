@@ -175,7 +175,7 @@ def moved_walk(walk: Mapping[str, Any], arrays: Arrays) -> dict[str, Any]:
     return {
         "panels": panels,
         "still": still,
-        "foot": foot.still(arrays["keel_mm"]),
+        "foot": foot.still(arrays["keel_mm"], float(arrays["load"][:, 1].max())),
         "frames": frames,
         "own": own,
     }
@@ -203,7 +203,7 @@ class _Foot:
         """A rectangle about x."""
         return self.at(x + 0.5 * wide * np.array([-1, 1, 1, -1]), np.array([low, low, high, high]))
 
-    def still(self, keels: np.ndarray) -> dict[str, Any]:
+    def still(self, keels: np.ndarray, load_at: float) -> dict[str, Any]:
         """What the setting does not move, and where labels stand."""
         d = self.drawn
         tip = float(keels[0, -1, 0])
@@ -213,7 +213,7 @@ class _Foot:
             "keel": (tip - 42.0, self.high_mm - 12.0),
             "heel": (self.rear_mm + 2.0, self.low_mm + 12.0),
             "foam": (0.42 * tip, self.low_mm + 6.0),
-            "load": (tip - 8.0, self.low_mm + 6.0),
+            "load": (load_at + 8.0, self.low_mm + 14.0),
         }
         marked = {
             "pylon": (d["pylon_x_mm"], self.high_mm - 16.0),
@@ -268,8 +268,10 @@ class _Foot:
 
 
 def _beside(label: tuple[float, float], at: tuple[float, float]) -> tuple[float, float]:
-    """Where a line from a label begins: below or above its first letters."""
+    """Where a line from a label begins: before it, or below or above its first letters."""
     x, z = label
+    if at[0] < x - 10.0:
+        return x - 2.0, z + 2.0
     return x + 6.0, z + (10.0 if at[1] > z else 2.0)
 
 

@@ -317,7 +317,7 @@ def walk_errors_figure(table: WalkingTable) -> Figure:
             colour = colour_of(row, rows)
             error, null = 100.0 * np.array([row.error_bw, row.null_bw], dtype=float)
             axes.plot([error, null], [place, place], color=colour, linewidth=1.0)
-            axes.plot(null, place, marker="x", color="0.1", markersize=6)
+            axes.plot(null, place, marker="x", color="0.1", markersize=6, zorder=4)
             axes.plot(error, place, **mark(colour, row.role != "held out", markersize=7))
         axes.set_ylim(len(rows) - 0.4, -0.6)
         axes.set_yticks(
