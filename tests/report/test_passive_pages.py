@@ -97,6 +97,15 @@ def test_the_exported_files_of_a_passive_foot_do_not_call_it_that_of_the_paper(r
         assert "McGeehan" not in text and "variable-stiffness" not in text, file.name
 
 
+def test_a_side_of_walks_on_two_passive_feet_is_refused_with_their_names(run, tmp_path, walks):
+    both = tmp_path / "both"
+    for name in ("SECOND", "STIFF"):
+        copied(walks[name], both)
+    code, _, error = run("compare", both, walks["THIRD"], "--out", tmp_path / "out")
+    assert code == 2 and "holds walks on 2 feet (passive, stiff 5)" in error
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.slow
 def test_a_validation_draws_the_clamp_and_advises_what_a_passive_foot_can_do(run, tmp_path, walks):
     out = tmp_path / "out"
