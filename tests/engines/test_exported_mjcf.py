@@ -282,3 +282,14 @@ def test_spheres_meet_the_floor_and_not_one_another():
     pairs = {tuple(contact.geom) for contact in data.contact}
     assert all(floor in pair for pair in pairs)
     assert len(pairs) == sum(len(zone.x_mm) for zone in NOMINAL.zones)
+
+
+def test_of_a_passive_foot_nothing_moves_but_the_keel():
+    """A carriage with a servo whose range is one place is one that MuJoCo does not limit."""
+    clamp = replace(NOMINAL.fulcrum, rearmost_m=0.108, foremost_m=0.108)
+    model = compiled(replace(NOMINAL, fulcrum=clamp), 0.108)
+    joints = [model.joint(i).name for i in range(model.njnt)]
+    assert joints == keel_names(NOMINAL)[0] and model.nu == 0
+    assert model.key("rest").qpos == pytest.approx(0.0)
+    total_kg = compiled(NOMINAL, 0.108).body_mass.sum()
+    assert model.body_mass.sum() == pytest.approx(total_kg), "with what the carriage weighs"

@@ -89,6 +89,14 @@ def test_two_passive_feet_compared_are_told_apart_by_their_names(run, tmp_path, 
     assert "foot passive. B:" in page and "foot stiff 5." in page
 
 
+def test_the_exported_files_of_a_passive_foot_do_not_call_it_that_of_the_paper(run, tmp_path):
+    assert run("export", "--model", SOFT, "--out", tmp_path / "out")[0] == 0
+    for file in (tmp_path / "out").glob("vsf_foot*"):
+        text = file.read_text(encoding="utf-8")
+        assert "A passive foot: written by" in text, file.name
+        assert "McGeehan" not in text and "variable-stiffness" not in text, file.name
+
+
 def test_a_side_of_walks_on_two_passive_feet_is_refused_with_their_names(run, tmp_path, walks):
     both = tmp_path / "both"
     for name in ("SECOND", "STIFF"):
