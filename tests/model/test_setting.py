@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from vsf_drake.model.model_file import load_model
 from vsf_drake.model.parameters import FootParameters
-from vsf_drake.model.setting import moves, setting_column, setting_of, setting_short, setting_words
+from vsf_drake.model.setting import moves, setting_column, setting_of
 
 NOMINAL = FootParameters()
 FIXED = replace(NOMINAL, fulcrum=replace(NOMINAL.fulcrum, rearmost_m=0.1, foremost_m=0.1))
@@ -15,11 +15,11 @@ PASSIVE = replace(FIXED, name="category 4")
 
 def test_a_fulcrum_is_called_by_its_place_and_a_passive_foot_by_its_name():
     assert moves(NOMINAL) and not moves(PASSIVE)
-    assert setting_words(NOMINAL, 0.108) == "fulcrum 108 mm"
-    assert setting_short(NOMINAL, 0.108) == "108 mm"
-    assert setting_words(PASSIVE, 0.1) == "foot category 4"
-    assert setting_short(PASSIVE, 0.1) == "category 4"
-    assert setting_short(FIXED, 0.1) == "passive"
+    nominal = setting_of(NOMINAL, 0.108)
+    passive = setting_of(PASSIVE, 0.1)
+    assert (nominal.setting_words, nominal.setting_short) == ("fulcrum 108 mm", "108 mm")
+    assert (passive.setting_words, passive.setting_short) == ("foot category 4", "category 4")
+    assert setting_of(FIXED, 0.1).setting_short == "passive"
 
 
 def test_a_column_of_settings_tells_what_all_of_its_feet_have():

@@ -58,16 +58,6 @@ def setting_of(foot: FootParameters, fulcrum_m: float) -> AtSetting:
     return AtSetting(fulcrum_mm=None, foot=foot.name or PASSIVE)
 
 
-def setting_short(foot: FootParameters, fulcrum_m: float) -> str:
-    """`AtSetting.setting_short` of a foot, whose fulcrum stands at `fulcrum_m` (m from A)."""
-    return setting_of(foot, fulcrum_m).setting_short
-
-
-def setting_words(foot: FootParameters, fulcrum_m: float) -> str:
-    """`AtSetting.setting_words` of a foot, whose fulcrum stands at `fulcrum_m` (m from A)."""
-    return setting_of(foot, fulcrum_m).setting_words
-
-
 def setting_column(settings: Iterable[AtSetting], form: str = "{:g}") -> tuple[str, ...]:
     """The column of a table that tells the settings: their attribute, its heading, and of numbers
     their `form`. Where every foot has a fulcrum its place, where none has the foot's name, where

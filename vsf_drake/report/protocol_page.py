@@ -16,6 +16,7 @@ from vsf_drake.report.page import Chapter, number, render, write_csv
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import (
     HEEL_COLOUR,
+    LINES,
     MARKERS,
     NEUTRAL,
     PANEL,
@@ -28,7 +29,6 @@ from vsf_drake.report.style import (
 )
 
 CSV = "protocol.csv"
-_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
 _RINGS = 4
 _CIRCLE = (0.2, 0.13, 0.6, 0.74)  # of the picture: left, bottom, width, height
 _NAMES_AT = 1.06  # where names of axes stand, in radii
@@ -97,7 +97,7 @@ PROTOCOL = ResultsFolder(
     arrays="protocol.npz",
     names=(CSV,),
     show=protocol_page,
-    known=lambda table: str(table.get("format")).startswith("vsf_drake bench protocol"),
+    known=lambda table: str(table.get("format")).startswith(FORMAT.rpartition(" ")[0]),
     valid=lambda table, path: _of_this_format(table),
 )
 
@@ -169,7 +169,7 @@ def radar_figure(table: ProtocolTable, drawn: list[int]) -> Figure:
                 np.append(turns, turns[0]),
                 np.append(shares[:, k], shares[0, k]),
                 color=_colour(table, i),
-                linestyle=_LINES[k],
+                linestyle=LINES[k],
                 marker=MARKERS[k],
                 markersize=4,
                 linewidth=1.6,
@@ -198,8 +198,8 @@ def radar_figure(table: ProtocolTable, drawn: list[int]) -> Figure:
                 turn,
                 _NAMES_AT,
                 "\n".join((*row.clause.axis.split(" ", 1), f"to {end:g}{unit}")),
-                ha="left" if aside > 0.0 else "right" if aside < 0.0 else "center",
-                va="bottom" if above > 0.0 else "top" if above < 0.0 else "center",
+                ha=("center", "left", "right")[int(np.sign(aside))],
+                va=("center", "bottom", "top")[int(np.sign(above))],
             )
         axes.spines["polar"].set_color(NEUTRAL)
     return figure
@@ -234,7 +234,7 @@ def curves_figure(table: ProtocolTable, arrays: Arrays) -> Figure:
                         arrays[f"displacement_mm/{part}_{i}"],
                         arrays[f"load_n/{part}_{i}"],
                         color=_colour(table, i),
-                        linestyle=_LINES[i % len(_LINES)],
+                        linestyle=LINES[i % len(LINES)],
                     )
             label(axes, x="displacement (mm)", y="load (N)", title=part)
         legend_below(figure, _entries(table))
@@ -251,7 +251,7 @@ def shape_figure(table: ProtocolTable, arrays: Arrays) -> Figure:
                     1e3 * arrays[f"forward_m/{i}"],
                     1e3 * arrays[f"up_m/{i}"],
                     color=_colour(table, i),
-                    linestyle=_LINES[i % len(_LINES)],
+                    linestyle=LINES[i % len(LINES)],
                 )
         axes.set_aspect("equal")
         label(axes, x="forward of the pylon (mm)", y="up (mm)")
@@ -265,6 +265,6 @@ def _colour(table: ProtocolTable, i: int) -> Any:
 
 def _entries(table: ProtocolTable) -> list[Any]:
     return [
-        entry(at.setting_short, color=_colour(table, i), linestyle=_LINES[i % len(_LINES)])
+        entry(at.setting_short, color=_colour(table, i), linestyle=LINES[i % len(LINES)])
         for i, at in enumerate(table.settings)
     ]

@@ -21,7 +21,7 @@ from vsf_drake.base.errors import InputError
 from vsf_drake.base.schema import from_plain
 from vsf_drake.model.model_file import check_model
 from vsf_drake.model.parameters import GRAVITY, ModelParameters, Subject
-from vsf_drake.model.setting import moves, setting_words
+from vsf_drake.model.setting import moves, setting_of
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import low_pass
@@ -109,7 +109,7 @@ def walk_replay(
     foot = model.foot
     walks = [
         Shown(
-            name=setting_words(foot, round(fulcrum_m, 3)),
+            name=setting_of(foot, round(fulcrum_m, 3)).setting_words,
             subject=_part(one, "subject", Subject),
             model=model,
             offsets=_part(one, "offsets", GeometricOffsets),
@@ -137,7 +137,7 @@ def walk_replay(
             for word in (UNFITTED, UNUSABLE_RECORDING)
             if any(note.startswith(word) for note in result.notes)
         ],
-        passive="" if moves(foot) else setting_words(foot, 0.0),
+        passive="" if moves(foot) else setting_of(foot, 0.0).setting_words,
         fulcrum_mm=[np.round(1e3 * walk.frames.fulcrum_m, 1).tolist() for walk in walks],
         weight_n=weight,
         intact_peak_bw=float(result.intact_grf_W[:, 2].max()) / weight,
