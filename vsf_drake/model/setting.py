@@ -58,11 +58,11 @@ def setting_of(foot: FootParameters, fulcrum_m: float) -> AtSetting:
     return AtSetting(fulcrum_mm=None, foot=foot.name or PASSIVE)
 
 
-def setting_column(settings: Iterable[AtSetting], form: str = "{:g}") -> tuple[str, ...]:
+def setting_column(settings: Iterable[AtSetting]) -> tuple[str, ...]:
     """The column of a table that tells the settings: their attribute, its heading, and of numbers
-    their `form`. Where every foot has a fulcrum its place, where none has the foot's name, where
+    their form. Where every foot has a fulcrum its place, where none has the foot's name, where
     they differ `setting_words`."""
     passive = {setting.fulcrum_mm is None for setting in settings}
     if len(passive) == 2:
         return "setting_words", "setting"
-    return ("foot", "foot") if passive == {True} else ("fulcrum_mm", "fulcrum (mm)", form)
+    return ("foot", "foot") if passive == {True} else ("fulcrum_mm", "fulcrum (mm)", "{:g}")
