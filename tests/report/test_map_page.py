@@ -74,6 +74,13 @@ def test_a_radius_that_is_not_known_everywhere_is_said_and_the_rest_stands(tmp_p
     assert "radius is unknown in 3 of 96 cells" in text and "EFLR" in text
 
 
+def test_a_map_without_draws_speaks_of_no_band(tmp_path):
+    mapped = made_map(radius)
+    write_map(tmp_path, mapped.table, mapped.arrays)
+    body = re.sub("<script.*?</script>|<[^>]*>", " ", both_layers(tmp_path), flags=re.DOTALL)
+    assert "nan" not in body.split() and "shaded" not in body and "from and to" not in body
+
+
 def test_a_map_of_one_mass_and_one_slope_has_its_figure_too(tmp_path, monkeypatch):
     for name, value in (("mass_kg", 80.0), ("slope_deg", 0.0)):
         monkeypatch.setitem(AXES, name, (value,))
