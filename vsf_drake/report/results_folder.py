@@ -229,5 +229,9 @@ class ResultsFolder:
             write_text(folder / file, page)
         return (
             set().union(*(chapter.files for chapter in shown)),
-            [f"{chapter.title}: {sentence}" for chapter in shown for sentence in chapter.missing],
+            [
+                f"{chapter.title}: {sentence}" if chapter.title else sentence
+                for chapter in shown
+                for sentence in chapter.missing
+            ],
         )
