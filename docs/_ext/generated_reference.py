@@ -18,12 +18,15 @@ import typer
 import typer.main
 
 from vsf_drake.cli import (  # noqa: F401 (each adds its commands)
+    certify,
     compare,
     device,
     doctor,
     fit,
+    foot,
     predict,
     recordings,
+    session,
     stiffness_map,
     study,
     sweep,

@@ -12,7 +12,9 @@ from command_line import exit_code, read_json
 
 from vsf_drake.report.compare_page import COMPARE
 
-WALKS = Path(__file__).resolve().parents[2] / "data/sessions/a/day_1/1p1"
+SESSIONS = Path(__file__).resolve().parents[2] / "data/sessions"
+WALKS = SESSIONS / "a/day_1/1p1"
+ON_TWO_FEET = SESSIONS / "c/day_1/1p1"  # one with a fulcrum, a passive one
 
 
 @pytest.fixture(scope="module")
@@ -61,18 +63,41 @@ def test_a_folder_whose_walks_lie_in_folders_of_it_is_a_side_too(tmp_path, capsy
     ]
 
 
+def test_walks_on_a_passive_foot_are_named_by_it_in_a_folder_of_several_feet(tmp_path):
+    words = (f"{ON_TWO_FEET}@66", f"{ON_TWO_FEET}@passive", "--out", tmp_path / "out")
+    assert exit_code("compare", *words) == 0
+    table = read_json(tmp_path / "out" / "compare.json")["table"]
+    assert table["a"]["walks"] == ["low_1", "low_2", "low_3"]
+    assert table["b"]["walks"] == ["passive_1", "passive_2", "passive_3"]
+    assert table["b"]["fulcrum_mm"] is None and table["b"]["foot"] == "passive"
+
+
 @pytest.mark.parametrize(
     ("a", "says"),
     [
         (f"{WALKS}@151", "is on both sides"),
         (WALKS, "holds walks of 3 settings (66, 108, 151 mm). Name the setting behind the folder"),
-        (f"{WALKS}@77", "holds no walk at 77 mm. There are walks at 66, 108, 151 mm"),
+        (f"{WALKS}@77", "holds no walk at 77 mm. There are walks at 66 mm, 108 mm, 151 mm"),
+        (f"{WALKS}@", "behind the @: '' is no position of the fulcrum"),
         (f"{WALKS}@soft", "behind the @: 'soft' is no position of the fulcrum"),
+        (f"{ON_TWO_FEET}@77", "There are walks at passive, 66 mm, 108 mm, 151 mm"),
+        (ON_TWO_FEET, "holds walks on 2 feet (one with a fulcrum, passive). Name one foot behind"),
         (WALKS / "nowhere", "there is no such file or folder"),
         (WALKS.parents[2], "holds no trial manifests"),
         (WALKS / "low_1_forces.mot", "is a table and no trial manifest"),
     ],
-    ids=["twice", "settings", "no such setting", "no number", "nowhere", "no walks", "no manifest"],
+    ids=[
+        "twice",
+        "settings",
+        "no such setting",
+        "nothing",
+        "no number",
+        "no such foot",
+        "feet",
+        "nowhere",
+        "no walks",
+        "no manifest",
+    ],
 )
 def test_mistakes_end_in_one_line_that_names_them(a, says, tmp_path, capsys):
     assert exit_code("compare", a, f"{WALKS}@151", "--out", tmp_path / "out") == 2

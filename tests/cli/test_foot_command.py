@@ -46,6 +46,8 @@ def test_model_and_picture_are_written_and_it_is_said_what_the_curves_do_not_tel
         ((*SIZE,), "--forefoot-n-per-mm: is missing"),
         (("CURVES", "--forefoot-n-per-mm", 30, *SIZE), "cannot go with a file of curves"),
         (("CURVES", "--heel-n-per-mm", 60, *SIZE), "--heel-n-per-mm: cannot go with a file of"),
+        (("CURVES", "--load-n", 800, *SIZE), "--load-n: cannot go with a file of curves"),
+        (("--forefoot-n-per-mm", 30, "--load-n", 0, *SIZE), "--load-n: 0 N is no load"),
         (("CURVES", "--mass-g", 600), "--length-mm: is missing"),
         (("CURVES", "--length-mm", 270), "--mass-g: is missing"),
         (("CURVES", "--length-mm", 27, "--mass-g", 600), "mm. Is it in centimetres?"),

@@ -18,7 +18,7 @@ from command_line import exit_code, read_json
 from sweep_files import copied, rows
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.cli.sweep import MANY, MOST, axis, check_count, values_of
+from vsf_drake.cli.sweep import MANY, MOST, axis, check_count, places_said, values_of
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.report import outputs
@@ -76,6 +76,12 @@ def test_what_is_no_range_is_refused(text, said):
     with pytest.raises(InputError, match=said) as caught:
         values_of(text, "--fulcrum-mm")
     assert caught.value.where == "--fulcrum-mm"
+
+
+def test_stiffnesses_are_a_list_and_no_range():
+    assert places_said("12N/mm, 16 N/mm") == ["12N/mm", "16 N/mm"]
+    with pytest.raises(InputError, match="stiffnesses are a list, 12N/mm,16N/mm"):
+        places_said("12N/mm:16N/mm:3")
 
 
 def test_grids_need_values_and_samples_bounds():

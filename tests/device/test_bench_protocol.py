@@ -24,7 +24,7 @@ from vsf_drake.device.stiffness_map.cells import Cell, roll_cells
 from vsf_drake.model.parameters import GRAVITY, ModelParameters
 from vsf_drake.model.setting import AtSetting
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
-from vsf_drake.simulation.roll_over import RollOver
+from vsf_drake.simulation.roll_over import RollOver, in_mount_frame
 
 ROOT = Path(__file__).resolve().parents[2]
 MODEL = ModelParameters()
@@ -105,6 +105,23 @@ def test_with_a_keel_that_does_not_bend_the_spheres_are_springs_side_by_side(ang
     assert row.energy_stored_j == pytest.approx(energy(displacement), rel=1e-2)
 
 
+def test_the_energy_stored_is_that_up_to_the_load_however_coarse_the_steps():
+    """Level and stiff a step of 1 / 40 mm goes 1 % beyond the load."""
+    machine = RollOver(MODEL.foot, friction=False)
+    coarse, fine = (
+        press_inclined(
+            machine,
+            angle_deg=0.0,
+            fulcrum_m=0.151,
+            load_n=LOAD_N,
+            speed_m_per_s=SPEED_M_PER_S,
+            steps_per_mm=steps,
+        )[0].energy_stored_j
+        for steps in (40.0, 640.0)
+    )
+    assert coarse == pytest.approx(fine, rel=1e-3)
+
+
 def test_what_a_press_gives_back_is_less_the_faster_it_is():
     """Losses are viscous: none at rest, more with speed, never more back than was stored."""
     slow, fast, faster = (
@@ -126,6 +143,23 @@ def test_it_is_told_that_the_sole_comes_down_at_the_soft_setting(made):
     zones = {(each.part, each.setting): each.zones for each in made["aopa"].table.bearing}
     assert zones["toe", "151 mm"] == ("forefoot",)
     assert set(zones["toe", "66 mm"]) > {"midfoot", "forefoot"}
+
+
+@pytest.mark.parametrize("fulcrum_m", POSITIONS_M)
+def test_under_the_toe_the_load_moves_back_along_the_sole_as_the_foot_bends(fulcrum_m):
+    """Which is why its slope above 200 N is steeper than that of a load that stays on a point."""
+    run = RollOver(MODEL.foot, friction=False).press(
+        fulcrum_m=fulcrum_m,
+        pitch_rad=-np.radians(20.0),
+        max_load_n=LOAD_N,
+        speed_m_per_s=SPEED_M_PER_S,
+        steps_per_mm=40.0,
+    )
+    load = run.grf_W[:, 2]
+    place = MODEL.foot.pylon_x_m + in_mount_frame(run.cop_W, run.mount)[:, 0]
+    first, middle, last = (place[np.argmax(load >= share * load.max())] for share in (0.1, 0.4, 1))
+    assert first > middle > last
+    assert first > MODEL.foot.load_point_m
 
 
 # The same numbers as the bench and the map have.
@@ -230,7 +264,25 @@ def test_what_the_foot_does_not_bear_is_told_and_has_no_number(monkeypatch):
     assert "load_n/toe_0" not in made.arrays
 
 
+def test_a_load_that_the_level_bench_does_not_bear_leaves_the_clauses_their_numbers():
+    """At 66 mm under 4900 N the keel turns by more than the model means anything for."""
+    made = bench_protocol(MODEL, "aopa", fulcrums_m=[0.066], load_n=4900.0)
+    assert made.table.bench is None
+    [sentence] = made.table.missing
+    assert sentence.startswith("The level bench beside the clauses, to 4900 N: ")
+    assert values(made, "heel", "displacement_mm")[0] > 0.0
+    assert record(ProtocolTable, json.loads(json.dumps(plain(made.table)))) == made.table
+
+
 # A passive foot, the record, bad input, time.
+
+
+def test_what_a_passive_foot_does_not_bear_is_told_without_a_fulcrum():
+    softer = tuple(replace(zone, stiffness=0.02 * zone.stiffness) for zone in MODEL.foot.zones)
+    model = passive(replace(MODEL, foot=replace(MODEL.foot, zones=softer)))
+    missing = bench_protocol(model, "iso16955", load_n=2000.0).table.missing
+    assert sum("gave way" in sentence and "(foot passive)" in sentence for sentence in missing) == 3
+    assert not any("fulcrum" in sentence for sentence in missing)
 
 
 def test_a_passive_foot_has_one_setting_that_is_called_by_no_millimetres():

@@ -38,6 +38,7 @@ from vsf_drake.fit.assessment import (
 from vsf_drake.fit.paper import PaperEnd
 from vsf_drake.fit.solution import Contradiction, JointEnd
 from vsf_drake.fit.solve import Pair
+from vsf_drake.model.parameters import ModelParameters
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.walks.angle_errors import AngleErrorRow
 from vsf_drake.walks.comparison import compare
@@ -353,6 +354,7 @@ def test_the_bench_is_scored_in_newtons_per_millimetre_and_millimetres_with_the_
             SimpleNamespace(
                 all_values=lambda label: {},
                 fit=SimpleNamespace(
+                    walker=SimpleNamespace(model=ModelParameters()),
                     bench=bench,
                     machine=SimpleNamespace(
                         evaluate=lambda values: (
@@ -465,7 +467,8 @@ def solution(
     )
     return SimpleNamespace(
         fit=SimpleNamespace(
-            trials=[SimpleNamespace(fulcrum_m=x, synthetic=False) for x in fulcrums]
+            walker=SimpleNamespace(model=ModelParameters()),
+            trials=[SimpleNamespace(fulcrum_m=x, synthetic=False) for x in fulcrums],
         ),
         end=end,
         message="done",

@@ -18,7 +18,6 @@ from vsf_drake.base.files import resource
 from vsf_drake.base.schema import dump_yaml
 from vsf_drake.model.model_file import in_shell
 from vsf_drake.model.parameters import GRAVITY
-from vsf_drake.model.setting import setting_words
 from vsf_drake.motion.events import kinematic_stances
 from vsf_drake.motion.formats.recording import Plate, Recording
 from vsf_drake.motion.formats.tables import write_forces_mot
@@ -94,7 +93,7 @@ def test_a_passive_foot_needs_no_fulcrum_in_the_manifest_and_can_have_none(trial
         load_trial(trial_files.write())
     del trial_files.manifest["prosthesis"]
     trial = load_trial(trial_files.write())
-    assert setting_words(trial.model.foot, trial.fulcrum_m) == "foot passive"
+    assert trial.setting.setting_words == "foot passive"
     assert trial.fulcrum_m == trial.model.foot.fulcrum.rearmost_m
 
 

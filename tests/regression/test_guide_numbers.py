@@ -51,7 +51,6 @@ TUNE = (
 ANSWER = ("docs/guide/which_stiffness.md",)
 ENGINES = ("docs/guide/engines.md",)
 ENERGY = ("docs/energy.md",)  # its tables
-TUTORIAL = ("docs/tutorials/researcher.md",)  # whose own test computes the rest
 NO_RESULTS = {
     VALIDATE: {
         "Stored 2026-11-30": "a date",
@@ -134,11 +133,8 @@ NO_RESULTS = {
     },
     ANSWER: {
         "from 66 to 151 mm: 10 to 32 N/mm": "published (McGeehan 2021)",
-        "From 66 to 108 mm": "settings",
         "`tune --level 2`": "an option of the program",
-        "66 and 151 mm are distinguishable": "settings",
         "(66 and 151 mm)": "settings",
-        "errors of hip and knee of 0.25, 0.5, 1° (SD)": "sizes of the errors",
         "(Nichols and Adamczyk 2023)": "a source",
     },
     ENGINES: {
@@ -591,23 +587,6 @@ def fit_table() -> Iterator[str]:
         "Ten of the study's fits, the pair of the exact tier among them, were ended by an "
         "earlier limit of 100 evaluations"
     )
-    known = stored("studies/results/session_fit.json")["intervals"]["identified"][
-        "contained_as_found"
-    ]
-    yield (
-        f"{known['held']} of {known['n']} intervals of parameters that the fits identify hold the "
-        "truth"
-    )
-    rows = {
-        (row["layer"], row["sd_deg"]): percent(row["grf_rmse_bw"])
-        for row in angle_error_rows()
-        if row["role"] == "held out"
-    }
-    yield (
-        f"errors of hip and knee of 0.5° and 1° in each trial leave {rows[PHYSICS, 0.5]} and "
-        f"{rows[PHYSICS, 1.0]} % of body weight by physics, {rows[MOMENTUM, 0.5]} and "
-        f"{rows[MOMENTUM, 1.0]} with momentum"
-    )
     held = {
         (row["phase"], row["component"]): round(100.0 * row["held"])
         for row in stored("studies/results/session_fit.json")["intervals_hold"]
@@ -850,77 +829,6 @@ def the_answer() -> Iterator[str]:
     said = vsf.load_contact(embedded_contact("laboratory")).verdict
     (bench,) = numbers_of(said, r"the forefoot is ([\d.]+) N/mm off")
     yield f"the bench fitted within {np.ceil(10.0 * float(bench)) / 10.0:.1f} N/mm"
-    rows = {
-        (row["layer"], row["sd_deg"]): percent(row["grf_rmse_bw"])
-        for row in angle_error_rows()
-        if row["role"] == "held out"
-    }
-    null = null_model()
-    foot, without = unseen_setting()
-    assert foot == without
-    yield (
-        f"{rows[PHYSICS, 0.0]} % of body weight, {rows[MOMENTUM, 0.0]} % with the person's own "
-        f"momentum; without any model, the two walks' curves interpolated to the setting: {null} "
-        "%. At the setting that was not fitted the foot alone is no nearer than those (both "
-        f"{foot} %)"
-    )
-    foot, person = (
-        ", ".join(rows[layer, sd] for sd in (0.25, 0.5, 1.0)) for layer in (PHYSICS, MOMENTUM)
-    )
-    yield (
-        f"{foot} % by the foot alone, {person} % with the person's momentum. Without any model: "
-        f"{null} %"
-    )
-    found = stored("studies/results/session_fit.json")
-    first = found["against_null"]["first_days"]
-    counts = [
-        f"{first[of][PERSON]['nearer']} of {first[of]['walks']}"
-        for of in ("held_out", "unseen_setting")
-    ]
-    days = [found["cases"][day]["mean"]["another day"] for day in ("a_day_1", "a_day_2")]
-    yield (
-        f"in {counts[0]} walks of the fitted day ({counts[1]} at the setting that was not "
-        "fitted), on the person's other day in "
-        f"{sum(day['layers'][PERSON]['beats_null'] for day in days)} of "
-        f"{sum(day['n'] for day in days)}"
-    )
-    *_, chosen, null_count, lacks, of = counted_signs()
-    words = ("no", "one", "two", "three", "four", "five", "six")
-    held_signs = sum(row["beyond"][lacks] for row in chosen)
-    yield (
-        f"{words[null_count]} of the seven published signs the foot alone has under an equal "
-        f"load, with nobody on it; the seventh, {lacks}, strides that adapt have at every step "
-        f"at the chosen weight in {held_signs} of 3 walks of one synthetic person, though all "
-        "seven from the softest to the stiffest setting in "
-        f"{sum(row['count'] == of for row in chosen)} of 3"
-    )
-    weights = adaptive()["able_bodied"]
-    row = weights["weights"][f"{0.5 * weights['least_that_meets_all']:g}"]["1.1"]
-    short_s = row["bands"]["stride_time"][0] - row["stride_time"]
-    yield f"what chose the weight was {1e3 * short_s:.1f} ms of stride time"
-    apart, travel = two_settings()
-    yield f"66 and 151 mm are distinguishable in {apart} outcomes"
-    reach = FootParameters().fulcrum
-    yield (
-        f"{travel[0]:.0f} mm of fulcrum travel are in one recording, and {travel[1]:.0f} of the "
-        f"{1e3 * (reach.foremost_m - reach.rearmost_m):.0f} mm that there are in two sessions"
-    )
-
-
-def the_tutorial() -> Iterator[str]:
-    """Errors of angles once more."""
-    rows = {
-        (row["layer"], row["sd_deg"]): percent(row["grf_rmse_bw"])
-        for row in angle_error_rows()
-        if row["role"] == "held out"
-    }
-    foot, person = (
-        listed([rows[layer, sd] for sd in (0.25, 0.5, 1.0)]) for layer in (PHYSICS, MOMENTUM)
-    )
-    yield (
-        f"only within 0.25, 0.5 or 1° (SD), the fitted model is {foot} % of body weight off by "
-        f"itself, {person} % with"
-    )
 
 
 def both_devices() -> Iterator[str]:
@@ -1050,7 +958,6 @@ SOURCES = {
     FIT: (fit_table,),
     TUNE: (able_bodied, strides, own_strides, signs),
     ANSWER: (the_answer,),
-    TUTORIAL: (the_tutorial,),
     ENERGY: (both_devices,),
     ENGINES: (certified, condensed_errors),
 }

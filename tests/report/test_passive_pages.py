@@ -89,6 +89,29 @@ def test_two_passive_feet_compared_are_told_apart_by_their_names(run, tmp_path, 
     assert "foot passive. B:" in page and "foot stiff 5." in page
 
 
+def test_a_side_of_walks_on_two_passive_feet_is_refused_with_their_names(run, tmp_path, walks):
+    both = tmp_path / "both"
+    for name in ("SECOND", "STIFF"):
+        copied(walks[name], both)
+    code, _, error = run("compare", both, walks["THIRD"], "--out", tmp_path / "out")
+    assert code == 2 and "holds walks on 2 feet (passive, stiff 5)" in error
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_a_validation_draws_the_clamp_and_advises_what_a_passive_foot_can_do(run, tmp_path, walks):
+    out = tmp_path / "out"
+    trials = (walks["SOFT"], walks["SECOND"])
+    code, screen, error = run("validate", *trials, "--quick", "--out", out)
+    assert code == 0, error
+    nothing_of_a_fulcrum(out, screen + error)
+    story = (out / "report.html").read_text(encoding="utf-8")
+    assert ">clamp</text>" in story and "vsf-drake bench --model" in story
+    assert "vsf-drake tune" not in story and "vsf-drake map" not in story, "they refuse it"
+    again = run("report", out)[1:]
+    assert not any(line.startswith("! :") for text in again for line in text.splitlines())
+
+
 def test_two_passive_feet_of_a_figure_have_two_colours():
     feet = [AtSetting(fulcrum_mm=None, foot=name) for name in ("firm", "soft")]
     assert len({to_hex(colour_of(foot, feet)) for foot in feet}) == 2

@@ -67,14 +67,16 @@ def test_the_csv_has_every_value_with_its_unit_and_blanks_where_nothing_is_compu
 
 
 @pytest.mark.parametrize("name", PROTOCOLS)
-def test_settings_in_the_radar_differ_in_mark_and_in_grey_and_are_named_beside_a_value(made, name):
+def test_settings_in_the_radar_differ_in_mark_and_in_grey_and_are_named(made, name):
     table = made[name].table
-    [axes] = radar_figure(table, shown_settings(table)).axes
+    figure = radar_figure(table, shown_settings(table))
+    [axes] = figure.axes
     greys = [np.dot((0.299, 0.587, 0.114), to_rgb(line.get_color())) for line in axes.lines]
     assert np.all(np.diff(greys) > 0.1)
     assert len({line.get_marker() for line in axes.lines}) == 3
+    [legend] = figure.legends
+    assert [text.get_text() for text in legend.texts] == ["66 mm", "108 mm", "151 mm"]
     named = {text.get_text() for text in axes.texts}
-    assert named >= {"66 mm", "108 mm", "151 mm"}
     for row in table.rows:
         if row.clause.axis:
             assert any(text.split("\n")[:-1] == row.clause.axis.split(" ", 1) for text in named)
@@ -103,6 +105,15 @@ def test_what_changes_most_is_told_over_the_axis_that_it_has(made, tmp_path):
     assert "changes most: heel stored, 1.00 J at 66 mm, 4.00 J at 151 mm" in text_of(tmp_path)
 
 
+@pytest.mark.parametrize(("load_n", "said"), [(600.0, False), (1000.0, True)])
+def test_a_load_beyond_the_published_presses_is_said_to_be_extrapolated(
+    made, tmp_path, load_n, said
+):
+    own = made["aopa"]
+    write_protocol(tmp_path, replace(own, table=replace(own.table, load_n=load_n)))
+    assert ("Published presses of this device end at 600 N" in text_of(tmp_path)) is said
+
+
 def test_a_passive_foot_has_one_column_and_no_fulcrum_on_its_page(tmp_path):
     fixed = replace(MODEL.foot.fulcrum, rearmost_m=0.1, foremost_m=0.1)
     model = replace(MODEL, foot=replace(MODEL.foot, fulcrum=fixed))
@@ -118,10 +129,12 @@ def test_a_part_that_gave_way_is_a_dash_and_a_sentence(made, tmp_path):
         for row in own.table.rows
     )
     arrays = {name: array for name, array in own.arrays.items() if not name.endswith("toe_0")}
-    table = replace(own.table, rows=rows, missing=("Pressed at the toe, 66 mm: gave way.",))
+    failed = ("Pressed at the toe, 66 mm: gave way.", "On the level bench: gave way.")
+    table = replace(own.table, rows=rows, missing=failed, bench=None)
     write_protocol(tmp_path, replace(own, table=table, arrays=arrays))
     text = text_of(tmp_path)
-    assert "Pressed at the toe, 66 mm: gave way." in text and "–" in text
+    assert all(sentence in text for sentence in failed) and "–" in text
+    assert "level bench of vsf-drake bench" not in text
 
 
 def test_the_page_is_made_again_from_what_was_saved_and_another_format_is_refused(made, tmp_path):

@@ -176,9 +176,11 @@ def test_walks_on_a_passive_foot_need_no_setting_and_can_have_none():
     assert missing(rows, PASSIVE) == []
     plan = make_plan(rows, files, Path("monday"), PASSIVE)
     assert plan.fulcrums_mm == (100.0,), "where the model clamps it"
-    stated = [rows[0], replace(rows[1], fulcrum_mm="66")]
-    with pytest.raises(InputError, match=r"session\.csv: a\.c3d, fulcrum_mm: this foot has no"):
-        make_plan(stated, files, Path("monday"), PASSIVE)
+    for said in ("66", "16 n/mm", "soft"):
+        stated = [rows[0], replace(rows[1], fulcrum_mm=said)]
+        assert missing(stated, PASSIVE) == [], "it is not asked where that setting is"
+        with pytest.raises(InputError, match=r"session\.csv: a\.c3d, fulcrum_mm: this foot has no"):
+            make_plan(stated, files, Path("monday"), PASSIVE)
 
 
 @pytest.mark.parametrize(

@@ -86,3 +86,14 @@ def test_what_is_missing_is_asked_for():
          expected_error_bw=0.05, verdict="doubtful, slips")], bench=True
     )  # fmt: skip
     assert "87.c3d again" in bad[0] and "1 walk is doubtful" in bad[1] and "slips" in bad[1]
+
+
+def test_of_a_passive_foot_no_second_setting_is_asked_for():
+    walks = [
+        SessionWalk(file=f"{i}.c3d", label=f"{i}", role=HELD_OUT, fulcrum_mm=None, foot="soft")
+        for i in range(2)
+    ]
+    few, curves, *rest = what_next(walks, bench=False)
+    assert few.startswith("More walks: with 3 or more") and "force-displacement curves" in curves
+    assert not rest
+    assert what_next([*walks, walks[0]], bench=True) == []

@@ -191,6 +191,20 @@ def test_feet_rolled_side_by_side_are_to_the_bit_what_each_is_alone_and_one_that
                 np.testing.assert_equal(getattr(of_all, name), value, err_msg=name)
 
 
+def test_one_foot_is_rolled_without_the_loop_of_walks_side_by_side(machine, monkeypatch):
+    """Which takes as long again to compile."""
+    time, tilt, force = stance(300)
+    taken = []
+
+    def counted(runs, **more):
+        taken.append(len(runs))
+        return run_side_by_side(runs, **more)
+
+    monkeypatch.setattr("vsf_drake.simulation.roll_over.run_side_by_side", counted)
+    machine.roll(fulcrum_m=0.108, time_s=time, tilt_rad=tilt, force_n=force)
+    assert max(taken) == 1
+
+
 def test_feet_are_rolled_side_by_side_for_as_many_instants(machine):
     cases = []
     for steps in (300, 200):

@@ -9,6 +9,7 @@ import math
 
 import biped
 import contact_alternatives
+import foot_of_two_stiffnesses
 import friction_monte_carlo
 import fulcrum_by_gradient
 import fulcrum_in_swing
@@ -62,6 +63,15 @@ def test_the_middle_setting_is_predicted_from_the_outer_ones_within_four_percent
 
 def test_the_heel_by_its_clause_is_as_stiff_as_it_was_measured():
     assert protocol.main()["heel"] == pytest.approx((65.0, 65.0, 65.0), rel=0.01)
+
+
+# A foot from two stiffnesses: the machine finds load over stiffness again.
+
+
+def test_a_foot_from_two_stiffnesses_yields_by_load_over_stiffness_in_the_machine():
+    travel_mm = foot_of_two_stiffnesses.main()
+    assert travel_mm["forefoot"] == pytest.approx(800.0 / 28.0, rel=0.01)
+    assert travel_mm["heel"] == pytest.approx(800.0 / 60.0, rel=0.01)
 
 
 # A biped: the law of its centre of mass.

@@ -11,13 +11,17 @@ from vsf_drake.base.files import user_path
 from vsf_drake.cli.app import Out, app, manifests_of, print_text, say
 
 if TYPE_CHECKING:  # it imports Drake
+    from collections.abc import Sequence
+
+    from vsf_drake.motion.trial import Trial
     from vsf_drake.walks.difference import Side
 
 _SIDE = "trial manifest, a folder of them, or one that simulate, import or session wrote"
 _Side = Annotated[
     str,
     typer.Argument(
-        metavar="WALKS", help=f"A {_SIDE}; with @108 or @16N/mm its walks at that setting."
+        metavar="WALKS",
+        help=f"A {_SIDE}; with @108, @16N/mm or a passive foot's @NAME its walks at that setting.",
     ),
 ]
 
@@ -49,9 +53,7 @@ def compare(a: _Side, b: _Side, out: Out) -> None:
 def _side(name: str) -> Side:
     """The walks of a side."""
     from vsf_drake.motion.trial import load_trial
-    from vsf_drake.simulation.fulcrum_place import fulcrum_place
     from vsf_drake.simulation.results import ARRAYS_FILE, load_walk
-    from vsf_drake.walks.between_settings import SETTING_M
     from vsf_drake.walks.difference import side_of, trial_of
 
     path = user_path(name)
@@ -70,16 +72,28 @@ def _side(name: str) -> Side:
         trials = [load_trial(file) for file in manifests_of([path])]
     if not asked:
         return side_of(name, trials, simulated=bool(results))
-    own = []
-    for trial in trials:
-        at_m = fulcrum_place(setting, trial.model.foot, file=name, where="behind the @")
-        if abs(trial.fulcrum_m - at_m) <= SETTING_M:
-            own.append(trial)
+    own = [trial for trial in trials if setting and trial.setting.foot == setting]
     if not own:
-        known = sorted({round(1e3 * trial.fulcrum_m) for trial in trials})
-        raise InputError(
-            f"holds no walk at {1e3 * at_m:g} mm",
-            file=path,
-            right=f"There are walks at {', '.join(map(str, known))} mm",
-        )
+        own = _standing_at(setting, trials, name)
     return side_of(name, own, simulated=bool(results))
+
+
+def _standing_at(setting: str, trials: Sequence[Trial], side: str) -> list[Trial]:
+    """The walks with the fulcrum where `setting` says; InputError if there is none."""
+    from vsf_drake.model.setting import moves
+    from vsf_drake.simulation.fulcrum_place import fulcrum_place
+    from vsf_drake.walks.between_settings import SETTING_M
+
+    known = sorted({trial.setting for trial in trials}, key=lambda known: known.setting_order)
+    there = f"There are walks at {', '.join(one.setting_short for one in known)}"
+    own = []
+    at_m = None
+    for trial in trials:
+        if moves(trial.model.foot):
+            at_m = fulcrum_place(setting, trial.model.foot, file=side, where="behind the @")
+            if abs(trial.fulcrum_m - at_m) <= SETTING_M:
+                own.append(trial)
+    if not own:
+        place = setting if at_m is None else f"{1e3 * at_m:g} mm"
+        raise InputError(f"holds no walk at {place}", file=side, right=there)
+    return own

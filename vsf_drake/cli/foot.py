@@ -42,7 +42,12 @@ class FootRequest:
         source="measured",
         help="Without curves: load over displacement of the heel, at --load-n.",
     )
-    load_n: float = quantity(600.0, unit="N", source="choice", help="Load of the two stiffnesses.")
+    load_n: float | None = quantity(
+        None,
+        unit="N",
+        source="choice",
+        help="Without curves: load of the two stiffnesses. Default: 600 N.",
+    )
 
 
 @app.command()
@@ -75,12 +80,14 @@ def foot(
         "--forefoot-n-per-mm",
         "Give a file of curves, or the stiffness of the forefoot and, if known, of the heel",
     )
-    require(
-        curves is None or asked.heel_n_per_mm is None,
-        "cannot go with a file of curves",
-        "--heel-n-per-mm",
-        "Give the heel's curve in the file, or the stiffness of forefoot and heel without a file",
-    )
+    for value, flag in ((asked.heel_n_per_mm, "--heel-n-per-mm"), (asked.load_n, "--load-n")):
+        require(
+            curves is None or value is None,
+            "cannot go with a file of curves",
+            flag,
+            "Give the heel's curve in the file, or the stiffness of forefoot and heel, and the "
+            "load that they are of, without a file",
+        )
     if asked.length_mm is None or asked.mass_g is None:
         raise InputError(
             "is missing",
@@ -102,7 +109,7 @@ def foot(
             else curves_of_stiffness(
                 forefoot_n_per_m=1e3 * (asked.forefoot_n_per_mm or 0.0),
                 heel_n_per_m=None if asked.heel_n_per_mm is None else 1e3 * asked.heel_n_per_mm,
-                load_n=asked.load_n,
+                load_n=600.0 if asked.load_n is None else asked.load_n,
             ),
             length_m=1e-3 * asked.length_mm,
             mass_kg=1e-3 * asked.mass_g,

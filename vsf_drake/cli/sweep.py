@@ -300,7 +300,10 @@ def _loaded(
         for name, file in zip(names, trials, strict=True)
     ]
     places = {
-        name: [fulcrum_place(said, trial.model.foot, where="--fulcrum-mm") for said in positions]
+        name: [
+            fulcrum_place(said, trial.model.foot, file=trial.path, where="--fulcrum-mm")
+            for said in positions
+        ]
         for name, trial in zip(named, recorded, strict=True)
     }
     if sampled and any(item.name == SHIFT and not item.values for item in axes):
@@ -367,6 +370,12 @@ def axis(text: str, *, sampled: bool) -> Axis:
 def places_said(text: str) -> Sequence[float | str]:
     """Fulcrum positions: numbers in mm, or each as somebody says it."""
     if ":" in text:
+        require(
+            "/" not in text,
+            f"{text!r} is a range of stiffnesses",
+            "--fulcrum-mm",
+            "A range is in mm, 66:151:5; stiffnesses are a list, 12N/mm,16N/mm",
+        )
         return values_of(text, "--fulcrum-mm")
     said = [part.strip() for part in text.split(",")]
     require(len(set(said)) == len(said), f"{text!r} names a value twice", "--fulcrum-mm")

@@ -17,7 +17,7 @@ from vsf_drake.device.bench_metrics import BenchTable, bench_table
 from vsf_drake.device.inclined import press_inclined
 from vsf_drake.device.protocols import PROTOCOLS, ROLL, Clause, clauses_of
 from vsf_drake.device.roll_over import SECOND_PEAK_S, iso_roll_over
-from vsf_drake.model.model_file import check_fulcrum, check_movable
+from vsf_drake.model.model_file import check_fulcrum, check_model, check_movable
 from vsf_drake.model.parameters import FootParameters, ModelParameters
 from vsf_drake.model.setting import AtSetting, moves, setting_of
 from vsf_drake.simulation.archive import provenance
@@ -25,6 +25,7 @@ from vsf_drake.simulation.bench import (
     PUBLISHED_FULCRUMS_M,
     PUBLISHED_SPEED_M_PER_S,
     STEPS_PER_MM,
+    check_pass,
     run_bench,
 )
 from vsf_drake.simulation.options import BenchOptions
@@ -73,7 +74,7 @@ class ProtocolTable:
     speed_mm_per_min: float  # of the platen
     rows: tuple[ProtocolRow, ...]
     bearing: tuple[Bearing, ...]
-    bench: BenchTable  # under the load point and at the heel, level
+    bench: BenchTable | None  # under the load point and at the heel, level; None where it failed
     missing: tuple[str, ...]  # sentences on what failed
     processor_s: float  # with what was compiled first, if anything
     parameters: dict[str, Any]
@@ -118,23 +119,28 @@ def bench_protocol(
 
     Returns:
         `table`, with a row a clause and its values by setting, and `arrays` of the curves. What the
-        foot does not bear at an angle is None, with a sentence in `table.missing`.
+        foot does not bear is None, with a sentence in `table.missing`.
 
     Raises:
         InputError: an unknown protocol, a value out of range, positions of a passive foot.
-        VsfError: what `run_bench` raises of a foot that does not bear the load level.
     """
     clauses = clauses_of(protocol)
+    check_model(model)
+    check_pass(max_load_n=load_n, speed_m_per_s=speed_m_per_s)
     foot = model.foot
     positions = _positions(foot, fulcrums_m)
     began = time.process_time()
     show: Progress = progress or (lambda what, fraction: None)
     show("pressing on the bench", 0.0)
-    bench = bench_table(
-        run_bench(model, fulcrums_m=positions, max_load_n=load_n, speed_m_per_s=speed_m_per_s)
-    )
     arrays: dict[str, np.ndarray] = {}
     missing: list[str] = []
+    bench = None
+    try:
+        bench = bench_table(
+            run_bench(model, fulcrums_m=positions, max_load_n=load_n, speed_m_per_s=speed_m_per_s)
+        )
+    except (InputError, SimulationError) as error:
+        missing.append(f"The level bench beside the clauses, to {load_n:g} N: {error}.")
     bearing: list[Bearing] = []
     answers: list[dict[str, dict[str, float | None]]] = [{} for _ in positions]
     angles = {each.part: each.angle_deg for each in clauses if each.angle_deg is not None}

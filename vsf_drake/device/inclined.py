@@ -79,14 +79,18 @@ def press_inclined(
     peak = int(np.argmax(load))
     x = displacement[: peak + 1]
     f = load[: peak + 1]
+    reached_m = float(np.interp(load_n, f, x))
+    below = f < load_n  # the last step goes beyond the load, by less than a step
     sites = machine.machine.foot.sites
     bearing = sites.zone[run.sphere_normal_n[peak - 1] > BORNE_N]
     row = InclinedRow(
         angle_deg=angle_deg,
         fulcrum_mm=1e3 * fulcrum_m,
         stiffness_n_per_mm=1e-3 * stiffness(x, f),
-        displacement_mm=1e3 * float(np.interp(load_n, f, x)),
-        energy_stored_j=float(trapezoid(f, x)),
+        displacement_mm=1e3 * reached_m,
+        energy_stored_j=float(
+            trapezoid(np.append(f[below], load_n), np.append(x[below], reached_m))
+        ),
         zones_loaded=tuple(sites.zone_names[zone] for zone in np.unique(bearing)),
         unconverged_steps=run.unconverged_steps,
     )

@@ -12,6 +12,7 @@ from vsf_drake.base.errors import SimulationError
 from vsf_drake.base.progress import Progress
 from vsf_drake.base.sentences import say
 from vsf_drake.model.parameters import FootParameters
+from vsf_drake.model.setting import setting_of
 from vsf_drake.simulation.roll_over import (
     Following,
     Rolling,
@@ -175,8 +176,8 @@ def iso_roll_over(
     )
     for fulcrum, outcome in zip(fulcrums_m, outcomes, strict=True):
         place = (
-            f"The ISO 22675 profile, fulcrum {1e3 * fulcrum:g} "
-            f"mm{', with friction' if friction else ''}"
+            f"The ISO 22675 profile, {setting_of(foot, fulcrum).setting_words}"
+            f"{', with friction' if friction else ''}"
         )
         if isinstance(outcome, SimulationError):
             missing.append(f"{place}: {outcome}.")

@@ -60,7 +60,7 @@ def setting_of(foot: FootParameters, fulcrum_m: float) -> AtSetting:
 
 def setting_column(settings: Iterable[AtSetting]) -> tuple[str, ...]:
     """The column of a table that tells the settings: their attribute, its heading, and of numbers
-    their form. Where every foot has a fulcrum its place, where none has the foot's name, where
+    their format. Where every foot has a fulcrum its place, where none has the foot's name, where
     they differ `setting_words`."""
     passive = {setting.fulcrum_mm is None for setting in settings}
     if len(passive) == 2:

@@ -209,7 +209,7 @@ def _shown(letter: str, side: Side, share: np.ndarray, rate_hz: float) -> Shown:
         names=tuple(names[k] for k in kept),
         frames=ReplayFrames(
             rate_hz=rate_hz,
-            time_s=share,
+            time_s=100.0 * share,  # its time bar has per cent of stance
             q=values[:, kept],
             fulcrum_m=np.full(len(share), walk.fulcrum_m),
             forces={

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vsf_drake.base.files import plain, record
+from vsf_drake.device.bench_metrics import LOAD_N
 from vsf_drake.device.bench_protocol import FORMAT, BenchProtocol, ProtocolRow, ProtocolTable
 from vsf_drake.device.protocols import PRESS
 from vsf_drake.report.page import Chapter, number, render, write_csv
@@ -30,7 +31,7 @@ from vsf_drake.report.style import (
 
 CSV = "protocol.csv"
 _RINGS = 4
-_CIRCLE = (0.2, 0.13, 0.6, 0.74)  # of the picture: left, bottom, width, height
+_CIRCLE = (0.2, 0.2, 0.6, 0.67)  # of the picture: left, bottom, width, height
 _NAMES_AT = 1.06  # where names of axes stand, in radii
 
 
@@ -44,6 +45,8 @@ def protocol_page(
     axes = [row for row in table.rows if row.clause.axis]
     facts = {
         "t": table,
+        "beyond": table.settings[0].fulcrum_mm is not None and table.load_n > LOAD_N,
+        "published_n": LOAD_N,
         "widest": axes[_widest(axes)],
         "answered": [
             {"clause": row.clause, "values": [number(v, row.clause.form) for v in row.values]}
@@ -157,35 +160,21 @@ def radar_figure(table: ProtocolTable, drawn: list[int]) -> Figure:
     values = np.array([[row.values[i] for i in drawn] for row in rows], dtype=np.float64)
     shares = values / ends[:, None]
     turns = np.linspace(0.0, 2.0 * np.pi, len(rows), endpoint=False)
-    widest = _widest(rows)
-    on_the_left = np.sin(turns[widest]) < -1e-6
-    with drawing(1.15 * PANEL[0], PANEL[0]) as figure:
+    looks = [
+        {**_look(table, i), "marker": MARKERS[k], "markersize": 4} for k, i in enumerate(drawn)
+    ]
+    with drawing(1.15 * PANEL[0], 1.1 * PANEL[0]) as figure:
         figure.set_layout_engine("none")  # it does not see the names of the axes
         axes = figure.add_axes(
             _CIRCLE, projection="polar", theta_offset=0.5 * np.pi, theta_direction=-1
         )
-        for k, i in enumerate(drawn):
+        for share, look in zip(shares.T, looks, strict=True):
             axes.plot(
                 np.append(turns, turns[0]),
-                np.append(shares[:, k], shares[0, k]),
-                color=_colour(table, i),
-                linestyle=LINES[k],
-                marker=MARKERS[k],
-                markersize=4,
+                np.append(share, share[0]),
                 linewidth=1.6,
                 clip_on=False,
-            )
-            axes.annotate(
-                table.settings[i].setting_short,
-                (turns[widest], shares[widest, k]),
-                (-7 if on_the_left else 7, 0),
-                ha="right" if on_the_left else "left",
-                textcoords="offset points",
-                color=_colour(table, i),
-                fontweight="bold",
-                va="center",
-                zorder=1.5,  # hides no mark
-                bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.5},
+                **look,
             )
         axes.set_ylim(0.0, 1.0)
         axes.set_yticks(np.arange(1, _RINGS + 1) / _RINGS, [])
@@ -202,6 +191,8 @@ def radar_figure(table: ProtocolTable, drawn: list[int]) -> Figure:
                 va=("center", "bottom", "top")[int(np.sign(above))],
             )
         axes.spines["polar"].set_color(NEUTRAL)
+        names = [table.settings[i].setting_short for i in drawn]
+        legend_below(figure, [entry(name, **look) for name, look in zip(names, looks, strict=True)])
     return figure
 
 
@@ -233,8 +224,7 @@ def curves_figure(table: ProtocolTable, arrays: Arrays) -> Figure:
                     axes.plot(
                         arrays[f"displacement_mm/{part}_{i}"],
                         arrays[f"load_n/{part}_{i}"],
-                        color=_colour(table, i),
-                        linestyle=LINES[i % len(LINES)],
+                        **_look(table, i),
                     )
             label(axes, x="displacement (mm)", y="load (N)", title=part)
         legend_below(figure, _entries(table))
@@ -250,8 +240,7 @@ def shape_figure(table: ProtocolTable, arrays: Arrays) -> Figure:
                 axes.plot(
                     1e3 * arrays[f"forward_m/{i}"],
                     1e3 * arrays[f"up_m/{i}"],
-                    color=_colour(table, i),
-                    linestyle=LINES[i % len(LINES)],
+                    **_look(table, i),
                 )
         axes.set_aspect("equal")
         label(axes, x="forward of the pylon (mm)", y="up (mm)")
@@ -259,12 +248,14 @@ def shape_figure(table: ProtocolTable, arrays: Arrays) -> Figure:
     return figure
 
 
-def _colour(table: ProtocolTable, i: int) -> Any:
-    return colour_of(table.settings[i]) if len(table.settings) > 1 else HEEL_COLOUR
+def _look(table: ProtocolTable, i: int) -> dict[str, Any]:
+    """Of the line of a setting, the same in every figure."""
+    several = len(table.settings) > 1
+    return {
+        "color": colour_of(table.settings[i]) if several else HEEL_COLOUR,
+        "linestyle": LINES[i % len(LINES)],
+    }
 
 
 def _entries(table: ProtocolTable) -> list[Any]:
-    return [
-        entry(at.setting_short, color=_colour(table, i), linestyle=LINES[i % len(LINES)])
-        for i, at in enumerate(table.settings)
-    ]
+    return [entry(at.setting_short, **_look(table, i)) for i, at in enumerate(table.settings)]

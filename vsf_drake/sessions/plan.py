@@ -179,7 +179,7 @@ def missing(rows: Sequence[PlanRow], foot: FootParameters) -> list[str]:
     walks = [row for row in rows if row.role == WALK and row.use]
     named: dict[str, list[str]] = {}
     for row in walks:
-        if _is_name(row.fulcrum_mm):
+        if _is_name(row.fulcrum_mm) and moves(foot):
             named.setdefault(row.fulcrum_mm, []).append(row.file)
     return say(
         "session",
@@ -269,8 +269,9 @@ def check_one_person(files: Sequence[FoundFile]) -> None:
 def _fulcrum_m(row: PlanRow, settings: dict[str, str], foot: FootParameters, folder: Path) -> float:
     """Where the fulcrum stood in this walk (m from A)."""
     named = row.fulcrum_mm in settings
+    said = settings[row.fulcrum_mm] if named else row.fulcrum_mm
     return fulcrum_place(
-        (settings[row.fulcrum_mm] if named else row.fulcrum_mm) or None,
+        said.replace(",", ".") or None,  # as spreadsheets of many countries write numbers
         foot,
         file=folder / PLAN_FILE,
         where=f"{row.fulcrum_mm if named else row.file}, fulcrum_mm",

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.base.errors import InputError, SimulationError, require
 from vsf_drake.base.schema import to_plain
 from vsf_drake.laws.beam import combined_stiffness
 from vsf_drake.laws.keel import chain, piece_at
@@ -21,7 +21,7 @@ from vsf_drake.model.model_file import (
     secant_stiffness,
 )
 from vsf_drake.model.parameters import FootParameters, ModelParameters
-from vsf_drake.model.setting import moves
+from vsf_drake.model.setting import moves, setting_of
 from vsf_drake.plants.bench import BenchDiagram, make_bench
 from vsf_drake.plants.foot import keel_joint_positions, keel_joint_stiffness
 from vsf_drake.simulation.archive import provenance
@@ -45,12 +45,12 @@ def advance_to_load(
     travel_m: np.ndarray,
     *,
     foot: str,
-    where: str,
+    setting: str,
 ) -> tuple[Record, int]:
     """The run from rest at q0 until the sites bear `load_n`, and after how many steps they do.
 
     SimulationError if they never do, with the `travel_m` (n + 1,) until then, of which part of the
-    foot and `where`.
+    foot and with which setting.
     """
 
     def reached(done: int, record: Record) -> bool:
@@ -63,10 +63,26 @@ def advance_to_load(
     if not above.size:
         raise SimulationError(
             f"the {foot} gave way: {load.max():.0f} N of {load_n:g} N after "
-            f"{1e3 * travel_m[end]:.0f} mm {where}",
+            f"{1e3 * travel_m[end]:.0f} mm ({setting})",
             time_s=float(inputs.time_s[end]),
         )
     return record, int(above[0]) + 1
+
+
+def check_pass(*, max_load_n: float, speed_m_per_s: float) -> None:
+    """InputError unless a foot can be pressed to this load by a platen of this speed."""
+    require(
+        200.0 < max_load_n <= 5000.0,
+        f"{max_load_n:g} N is no useful load",
+        "max_load_n",
+        "Stiffness is the slope above 200 N: choose between 200 and 5000 N",
+    )
+    require(
+        0.0 < speed_m_per_s <= 1.0,
+        f"{speed_m_per_s:g} m/s is not a platen speed",
+        "speed_m_per_s",
+        "It must be above 0 and at most 1 m/s",
+    )
 
 
 class Bench:
@@ -89,18 +105,7 @@ class Bench:
         run diverges.
         """
         check_fulcrum(fulcrum_m, self.parameters)
-        if not 200.0 < max_load_n <= 5000.0:
-            raise InputError(
-                f"{max_load_n:g} N is no useful load",
-                where="max_load_n",
-                right="Stiffness is the slope above 200 N: choose between 200 and 5000 N",
-            )
-        if not 0.0 < speed_m_per_s <= 1.0:
-            raise InputError(
-                f"{speed_m_per_s:g} m/s is not a platen speed",
-                where="speed_m_per_s",
-                right="It must be above 0 and at most 1 m/s",
-            )
+        check_pass(max_load_n=max_load_n, speed_m_per_s=speed_m_per_s)
         travel = self._travel_bound(fulcrum_m, max_load_n)
         steps = int(np.ceil(travel * 1e3 * STEPS_PER_MM))
         moments = np.linspace(0.0, travel / speed_m_per_s, steps + 1)
@@ -148,7 +153,7 @@ class Bench:
                 stop_at_n,
                 platen_m,
                 foot="heel" if self.heel else "forefoot",
-                where=f"with the fulcrum at {1e3 * fulcrum_m:g} mm",
+                setting=setting_of(self.parameters, fulcrum_m).setting_words,
             )
         return BenchSetting(
             fulcrum_m=None if self.heel else fulcrum_m,

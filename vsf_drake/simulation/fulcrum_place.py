@@ -14,7 +14,7 @@ from vsf_drake.model.setting import moves
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 
 READ_N_PER_MM = 0.005  # half of the last digit with which `vsf-drake bench` prints a stiffness
-_SAID = re.compile(r"\s*([-+]?[0-9]+(?:[.,][0-9]+)?)\s*(\S*)\s*")
+_SAID = re.compile(r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))\s*(\S*)\s*")
 _RIGHT = (
     "Write it in mm from the keel's posterior end, such as 108, or as the forefoot's stiffness, "
     "such as 16N/mm"
@@ -52,7 +52,7 @@ def fulcrum_place(
         raise InputError(
             f"{said!r} is no position of the fulcrum", file=file, where=where, right=_RIGHT
         )
-    number = float(told[1].replace(",", "."))
+    number = float(told[1])
     low = foot.fulcrum.rearmost_m
     high = foot.fulcrum.foremost_m
     if unit != "n/mm" and low - 1e-9 <= 1e-3 * number <= high + 1e-9:

@@ -24,13 +24,19 @@ from scipy.sparse import csr_array
 from vsf_drake.base.errors import InputError, SimulationError
 from vsf_drake.model.model_file import check_fulcrum
 from vsf_drake.model.parameters import FootParameters
+from vsf_drake.model.setting import setting_of
 from vsf_drake.plants.bench import MOUNT_COORDINATES, make_roll_over_machine
 from vsf_drake.simulation.bench import advance_to_load
 from vsf_drake.simulation.mechanism import roll_over_mechanism
 from vsf_drake.simulation.reactions import PROSTHETIC, foot_reaction, strains_and_losses
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
 from vsf_drake.simulation.stepping.runs import Inputs, Record, Run, Torques
-from vsf_drake.simulation.stepping.stepper import SIDE_BY_SIDE, Stepper, run_side_by_side
+from vsf_drake.simulation.stepping.stepper import (
+    ALONE,
+    SIDE_BY_SIDE,
+    Stepper,
+    run_side_by_side,
+)
 
 # share of the largest force by which a run that follows its profile may be off (a choice)
 FOLLOWS_WITHIN = 0.01
@@ -297,9 +303,7 @@ class RollOver:
             max_load_n,
             travel,
             foot="foot",
-            where=(
-                f"at {np.degrees(pitch_rad):g} degrees with the fulcrum at {1e3 * fulcrum_m:g} mm"
-            ),
+            setting=setting_of(self.parameters, fulcrum_m).setting_words,
         )
         path = np.concatenate([travel[: count + 1], travel[count - 1 :: -1]])
         moments = 1e-3 / steps_per_mm / speed_m_per_s * np.arange(2 * count + 1)
@@ -333,7 +337,7 @@ class RollOver:
                 where="cases",
                 right="Roll those of one length together",
             )
-        Stepper(self.mechanism).warm_up(SIDE_BY_SIDE)
+        Stepper(self.mechanism).warm_up(SIDE_BY_SIDE if len(cases) > 1 else ALONE)
         searches = [_Search(self, case) for case in cases]
         guesses = run_side_by_side([search.pushed() for search in searches], sites=False)
         for search, guess in zip(searches, guesses, strict=True):
@@ -501,7 +505,10 @@ def _measure(searches: Sequence[_Search], heights: Sequence[np.ndarray]) -> list
 
 def _improve(searches: Sequence[_Search]) -> None:
     """One step of Gauss-Newton of each, or as much of it as makes it better."""
-    records = run_side_by_side([run for each in searches for run in each.trials()], sites=False)
+    runs = [run for each in searches for run in each.trials()]
+    # of one foot one after the other: what takes them side by side need not be compiled for it
+    companies = [[run] for run in runs] if len(searches) == 1 else [runs]
+    records = [record for each in companies for record in run_side_by_side(each, sites=False)]
     waiting = []
     for k, search in enumerate(searches):
         search.goes_on = False

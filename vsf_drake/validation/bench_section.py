@@ -499,7 +499,7 @@ class StoodTable:
 
 
 def standing_section(study: Study, *, progress: Progress | None = None) -> Section[StoodTable]:
-    """Stands the study's subject on its foot, at each fulcrum position.
+    """Stands the study's subject on the foot of each setting.
 
     Joints are at their anatomical zero and the foot is mounted as the model file says: what a fit
     found of offsets and joint angles belongs to recordings of walking. Arrays of row I, 200 Hz:
@@ -518,7 +518,7 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
             stood = standing_table(
                 simulate_standing(
                     subject,
-                    study.model,
+                    walk.trial.model,
                     fulcrum_m=walk.trial.fulcrum_m,
                     duration_s=duration,
                     progress=functools.partial(show, what),

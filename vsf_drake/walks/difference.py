@@ -201,7 +201,7 @@ def side_of(name: str, trials: Sequence[Trial], *, simulated: bool = False) -> S
     require(
         len(feet) == 1,
         f"holds walks on {len(feet)} feet ({', '.join(feet)})",
-        right="Name the walks of one foot",
+        right="Name one foot behind the folder: FOLDER@NAME, or FOLDER@108 of a fulcrum",
         file=name,
     )
     settings = settings_of(np.array([trial.fulcrum_m for trial in trials]))

@@ -72,7 +72,7 @@ def test_the_drawn_fulcrum_stands_on_the_drawn_keel_and_moves_to_the_toe(moved):
     tips = []
     for frame in drawn["frames"]:
         keel = np.array([point.split(",") for point in frame["moved-keel"].split()], dtype=float)
-        x, y = (float(place) for place in frame["moved-fulcrum"].split()[0].split(","))
+        x, y = (float(place) for place in frame["moved-support"].split()[0].split(","))
         half = 0.5 * float(drawn["foot"]["wide_px"])
         assert np.interp(x, *keel.T) - y == pytest.approx(half, abs=0.2), "on its upper face"
         tips.append(x)
@@ -133,7 +133,7 @@ page.onload = async () => {
     slider.value = value;
     slider.dispatchEvent(new page.contentWindow.Event("input"));
     await wait(1500);
-    const parts = ["resultant", "cop", "keel", "fulcrum", "foam"].map(
+    const parts = ["resultant", "cop", "keel", "support", "foam"].map(
       name => story.getElementById(`moved-${name}`).getAttribute("points"));
     seen.push({mm: story.getElementById("moved-mm").textContent, now: now(), parts});
   }

@@ -257,12 +257,12 @@ class _Foot:
         return {
             "moved-keel": self.at(x, z),
             "moved-foam": self.at(foam_x, foam_z),
-            "moved-fulcrum": self.at(
+            "moved-support": self.at(
                 fulcrum + np.array([0.0, 9.0, 9.0, -9.0, -9.0]),
                 [at_fulcrum, at_fulcrum + 9.0, self.rail_mm, self.rail_mm, at_fulcrum + 9.0],
             ),
             "moved-arrow": self.at(arrow_x, arrow_z),
-            "moved-to-fulcrum": self.at([label[0], fulcrum], [label[1], 0.8 * self.rail_mm]),
+            "moved-to-support": self.at([label[0], fulcrum], [label[1], 0.8 * self.rail_mm]),
             "moved-to-keel": self.at([x[-1] - 20.0, x[-1] - 8.0], [self.high_mm - 16.0, z[-1]]),
         }
 
