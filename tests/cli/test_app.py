@@ -82,6 +82,15 @@ def test_a_path_that_is_none_is_refused_by_every_command(run, tmp_path, monkeypa
         assert not list(tmp_path.iterdir())
 
 
+def test_report_of_results_that_it_does_not_make_names_those_that_it_does(run, tmp_path):
+    (tmp_path / "fit.json").write_text("{}", encoding="utf-8")
+    code, _, error = run("report", tmp_path)
+    said = " ".join(error.split())
+    assert code == 2 and "holds no results whose report can be made again" in said
+    for command in ("session", "validate", "bench --protocol"):
+        assert f"`{command}`" in said
+
+
 @pytest.mark.parametrize("key", ["subject", "kinematics", "forces", "model"])
 def test_a_path_that_is_none_is_refused_in_a_manifest(tmp_path, key):
     content = {

@@ -136,9 +136,8 @@ def test_a_row_says_what_simulate_says_of_the_same_walk(run, tmp_path):
 
 def test_one_varied_quantity_gets_a_figure_and_two_get_none(run, tmp_path):
     out = tmp_path / "sweep"
-    assert (
-        run("sweep", LOW, MEDIUM, "--out", out, "--fulcrum-mm", "66:108:2", "--workers", 1)[0] == 0
-    )
+    assert run("sweep", LOW, MEDIUM, "--out", out, "--fulcrum-mm", "66,87", "--workers", 1)[0] == 0
+    assert read_json(out / "sweep.json")["plan"]["fulcrum_mm"] == [66.0, 87.0]
     assert {"sweep.png", "sweep.svg", "sweep.csv", "sweep.json", "cache"} == {
         p.name for p in out.glob("[!.]*")
     }

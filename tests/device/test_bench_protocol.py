@@ -197,6 +197,17 @@ def test_the_roll_over_is_that_of_the_map_at_the_same_load(made, name):
         np.testing.assert_allclose(own, [cell[other] for cell in mapped], rtol=1e-2)
 
 
+def test_the_roll_over_shape_ends_with_the_second_peak_of_the_force(made):
+    """Later the load only leaves the toe."""
+    profile = iso_22675()
+    late = profile.time_s > 0.5 * profile.time_s[-1]
+    peak_s = profile.time_s[late][np.argmax(profile.force_bw[late])]
+    for i in range(len(POSITIONS_M)):
+        forward = made["iso22675"].arrays[f"forward_m/{i}"]
+        time_s = np.linspace(0.0, profile.time_s[-1], len(forward))
+        assert time_s[np.isfinite(forward)][-1] == pytest.approx(peak_s, abs=3e-3)
+
+
 def test_more_load_bends_more_and_the_roll_over_takes_it_too():
     heavy = bench_protocol(MODEL, "iso16955", fulcrums_m=[0.151], load_n=1000.0)
     light = bench_protocol(MODEL, "iso16955", fulcrums_m=[0.151], load_n=500.0)

@@ -16,6 +16,7 @@ import vsf_drake as vsf
 from vsf_drake.base.errors import InputError
 from vsf_drake.device.foot_from_curves import (
     FREE,
+    LEAST_SHARE,
     POINTS,
     QUANTILE,
     _noise,
@@ -257,6 +258,13 @@ def test_a_model_without_misfit_is_surer_of_a_load_than_one_sample_is():
     half = QUANTILE * noise_n * math.sqrt(3.0 / POINTS)
     assert np.sqrt(np.mean(heel.half_width_n**2)) == pytest.approx(half, rel=0.35)
     assert np.mean(np.abs(heel.load_n - load) <= heel.half_width_n) >= 0.75
+
+
+def test_no_interval_is_narrower_than_the_least_error_that_is_believed():
+    """Of the foot's own loads, without noise or misfit."""
+    for each in foot_from_curves((forefoot_curve(known_foot()),), **SIZE).curves:
+        least = QUANTILE * LEAST_SHARE * each.curve.load_n[-1]
+        assert each.rms_share < LEAST_SHARE and each.half_width_n.min() >= least
 
 
 def test_a_misfit_without_noise_is_counted_once():

@@ -15,7 +15,8 @@ PASSIVE = replace(FIXED, name="category 4")
 
 def test_a_fulcrum_is_called_by_its_place_and_a_passive_foot_by_its_name():
     assert moves(NOMINAL) and not moves(PASSIVE)
-    nominal, passive = setting_of(NOMINAL, 0.108), setting_of(PASSIVE, 0.1)
+    nominal = setting_of(NOMINAL, 0.108)
+    passive = setting_of(PASSIVE, 0.1)
     assert (nominal.setting_words, nominal.setting_short) == ("fulcrum 108 mm", "108 mm")
     assert (passive.setting_words, passive.setting_short) == ("foot category 4", "category 4")
     assert setting_of(FIXED, 0.1).setting_short == "passive"

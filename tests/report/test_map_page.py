@@ -11,7 +11,7 @@ from made_map import AXES, made_map
 from page_layers import both_layers
 
 from vsf_drake.base.errors import InputError
-from vsf_drake.report.map_page import MAP, curves_figure, map_rows, read_map, write_map
+from vsf_drake.report.map_page import MAP, _what_if, curves_figure, map_rows, read_map, write_map
 from vsf_drake.walks.published import published_effects
 
 
@@ -77,6 +77,13 @@ def test_a_radius_that_is_not_known_everywhere_is_said_and_the_rest_stands(tmp_p
     assert "radius is unknown in 3 of 96 cells" in text and "EFLR" in text
 
 
+def test_a_map_without_draws_speaks_of_no_band(tmp_path):
+    mapped = made_map(radius)
+    write_map(tmp_path, mapped.table, mapped.arrays)
+    body = re.sub("<script.*?</script>|<[^>]*>", " ", both_layers(tmp_path), flags=re.DOTALL)
+    assert "nan" not in body.split() and "shaded" not in body and "from and to" not in body
+
+
 def test_a_map_of_one_mass_and_one_slope_has_its_figure_too(tmp_path, monkeypatch):
     for name, value in (("mass_kg", 80.0), ("slope_deg", 0.0)):
         monkeypatch.setitem(AXES, name, (value,))
@@ -90,6 +97,17 @@ def test_rows_hold_the_ends_of_the_reach_and_their_bands():
     assert first["radius_low"] == pytest.approx(0.09) and last["radius_high"] == pytest.approx(
         0.355 * 1.1
     )
+
+
+def test_sliders_are_given_the_surface_at_every_mass_and_slope_a_millimetre_apart():
+    """The made foot returns 0.8 m / x joules of m kg with the fulcrum at x mm, on any slope."""
+    told = _what_if(made_map(radius))
+    mass, slope, fulcrum = (np.array(axis["at"]) for axis in told["axes"])
+    assert [axis["name"] for axis in told["axes"]] == ["mass_kg", "slope_deg", "fulcrum_mm"]
+    assert 0.0 < np.diff(fulcrum).min() and np.diff(fulcrum).max() <= 1.0 + 1e-9
+    m, _, x = np.meshgrid(mass, slope, fulcrum, indexing="ij")
+    returned = np.reshape(told["values"]["returned"], m.shape)
+    np.testing.assert_allclose(returned, 0.8 * m / x, rtol=0.01)
 
 
 CELLS = """

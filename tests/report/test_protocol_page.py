@@ -93,6 +93,18 @@ def test_an_axis_ends_at_twice_its_value_where_a_foot_is_beyond_it(made):
     assert axes.lines[0].get_ydata()[0] == pytest.approx(25.0 / 40.0)
 
 
+def test_what_changes_most_is_told_over_the_axis_that_it_has(made, tmp_path):
+    """Of 100 N/mm 20 are less than of 5 J three."""
+    own = made["aopa"]
+    changed = {"heel stiffness": (40.0, 50.0, 60.0), "heel stored": (1.0, 2.0, 4.0)}
+    rows = tuple(
+        replace(row, values=changed.get(row.clause.axis, 3 * row.values[:1]))
+        for row in own.table.rows
+    )
+    write_protocol(tmp_path, replace(own, table=replace(own.table, rows=rows)))
+    assert "changes most: heel stored, 1.00 J at 66 mm, 4.00 J at 151 mm" in text_of(tmp_path)
+
+
 @pytest.mark.parametrize(("load_n", "said"), [(600.0, False), (1000.0, True)])
 def test_a_load_beyond_the_published_presses_is_said_to_be_extrapolated(
     made, tmp_path, load_n, said

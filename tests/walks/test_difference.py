@@ -147,6 +147,19 @@ def test_a_walk_is_on_one_side_only_and_a_side_of_one_person_at_one_setting(soft
         side_of("mixed", [*soft.trials, *other])
 
 
+def test_a_side_is_of_one_foot(soft):
+    """A passive foot that is clamped where the fulcrum of the other stood is another foot."""
+    first, second, *_ = soft.trials
+    foot = second.model.foot
+    clamp = dataclasses.replace(
+        foot.fulcrum, rearmost_m=second.fulcrum_m, foremost_m=second.fulcrum_m
+    )
+    passive = dataclasses.replace(foot, name="firm", fulcrum=clamp)
+    model = dataclasses.replace(second.model, foot=passive)
+    with pytest.raises(InputError, match=r"walks on 2 feet \(firm, one with a fulcrum\)"):
+        side_of("both", [first, dataclasses.replace(second, model=model)])
+
+
 def test_a_saved_walk_has_its_own_force_and_the_driver_s_loads_as_moments(tmp_path):
     trial = load_trial(resource("data/reference_subject/exact/low_1.yaml"))
     plate = trial.prosthetic_plate

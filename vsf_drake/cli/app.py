@@ -258,11 +258,11 @@ def manifests_of(paths: Iterable[Path]) -> list[Path]:
             continue
         inner = given / IMPORT_FOLDER
         folder = inner if inner.is_dir() else given
-        there = [
-            file
-            for file in sorted(folder.glob("*.yaml"))
-            if {"subject", "kinematics"} <= keys_of(file) or {"subject", "markers"} <= keys_of(file)
-        ]
+        there = []
+        for file in sorted(folder.glob("*.yaml")):
+            keys = keys_of(file)
+            if "subject" in keys and keys & {"kinematics", "markers"}:
+                there.append(file)
         require(
             there,
             "holds no trial manifests",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsf_drake.base.errors import InputError, SimulationError
+from vsf_drake.base.errors import InputError, SimulationError, require
 from vsf_drake.base.schema import choice, option
 from vsf_drake.cli.app import (
     Contact,
@@ -214,14 +214,15 @@ def report(
     from vsf_drake.report.tuning.chapters import TUNING
     from vsf_drake.report.validation.output import PUBLISHED, VALIDATION
 
-    kind = next(
-        (
-            kind
-            for kind in (COMPARE, TUNING, MAP, PREDICT, PROTOCOL, PUBLISHED, SESSION)
-            if (folder / kind.table).is_file() or kind.unfinished(folder)
-        ),
-        VALIDATION,
+    kinds = (COMPARE, TUNING, MAP, PREDICT, PROTOCOL, PUBLISHED, SESSION, VALIDATION)
+    found = [kind for kind in kinds if (folder / kind.table).exists() or kind.unfinished(folder)]
+    require(
+        found,
+        "holds no results whose report can be made again",
+        right=f"Name a folder that {', '.join(f'`{kind.command}`' for kind in kinds)} wrote; of "
+        "another command, run that again",
+        file=folder,
     )
-    for sentence in kind.remake(folder, svg=svg):
+    for sentence in found[0].remake(folder, svg=svg):
         warn(sentence)
     say(f"written to {folder / PAGE}")

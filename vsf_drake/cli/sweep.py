@@ -141,8 +141,9 @@ def sweep(
         trials, contact, axes, positions, sampled=sample is not None, asked=asked
     )
     check_sweep_folder(out, loaded.values(), parquet=asked.parquet)
+    places_mm = dict.fromkeys(round(1e3 * place, 9) for own in places.values() for place in own)
     plan: dict[str, object] = {
-        "fulcrum_mm": tuple(dict.fromkeys(1e3 * m for own in places.values() for m in own)) or None,
+        "fulcrum_mm": tuple(places_mm) or None,
         "step_ms": asked.step_ms,
         "fit_offsets": asked.fit_offsets,
         "contact": contact_hash(contact),

@@ -104,19 +104,25 @@ def bench_protocol(
     progress: Progress | None = None,
     inputs: dict[str, str] | None = None,
 ) -> BenchProtocol:
-    """The clauses of `protocol` (a name of `PROTOCOLS`: iso16955, iso22675, aopa), each answered or
-    not computed.
+    """A foot by the clauses of a published test, each answered or not computed.
 
     Args:
+        model: of the foot, with its contact.
+        protocol: iso16955, iso22675 or aopa.
         fulcrums_m: positions (m from the keel's posterior end). If None, those of the paper that
             the carriage reaches, else the ends of its reach; of a passive foot its only one.
         load_n: to which the foot is pressed (N, above 200 and at most 5000), and the first peak of
             the roll-over.
-        speed_m_per_s: of the platen.
+        speed_m_per_s: of the platen (m/s).
+        progress: called with what is being done and the finished fraction.
         inputs: SHA-256 of the model's files by name.
 
-    InputError for an unknown protocol, a value out of range, or positions of a passive foot. What
-    the foot cannot bear is None, with a sentence in `missing`.
+    Returns:
+        `table`, with a row a clause and its values by setting, and `arrays` of the curves. What the
+        foot does not bear is None, with a sentence in `table.missing`.
+
+    Raises:
+        InputError: an unknown protocol, a value out of range, positions of a passive foot.
     """
     clauses = clauses_of(protocol)
     check_model(model)

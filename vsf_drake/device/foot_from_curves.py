@@ -162,7 +162,7 @@ class FittedFoot:
     """A foot that bears as its curves do."""
 
     model: ModelParameters
-    clamp_m: float  # where the keel is clamped (m from A): the fulcrum, which does not move
+    clamp_m: float  # where the keel is clamped (m from its posterior end A)
     values: tuple[FittedValue, ...]  # in the order of FREE
     curves: tuple[FittedCurve, ...]
     lost_share: float | None  # energy lost in a cycle; None without unloading: 0.10 is assumed
@@ -178,10 +178,15 @@ def foot_from_curves(
     """The foot of this length and mass that bears as `curves` say.
 
     Args:
-        curves: a CSV file (`model.foot_curves`), or curves, or what `curves_of_stiffness` makes.
+        curves: a CSV file with the columns part (forefoot or heel), displacement_mm and load_n,
+            and where known angle_deg and branch (loading or unloading), a row a sample; or curves.
         length_m: of the foot, from heel to toe (m).
         mass_kg: of the foot (kg).
-        keel_m: length of its keel; by default the nominal foot's share of its length.
+        keel_m: length of its keel (m); by default the nominal foot's share of its length.
+
+    Returns:
+        `model`, a passive foot for every function that takes one; what was fitted, with intervals
+        of 90 %; and each curve beside the model's.
 
     Raises:
         InputError: the file, or a length or mass that makes no foot.

@@ -125,9 +125,7 @@ class Trial:
     name: str  # as the manifest says, or its file's name without suffix
     subject: Subject
     synthetic: bool  # constructed rather than measured
-    fulcrum_m: (
-        float  # where the fulcrum stood, from the keel's posterior end A; a passive foot's clamp
-    )
+    fulcrum_m: float  # where the fulcrum stood, from A; of a passive foot its clamp
     start_s: float  # the window: kinematics, forces and the manifest's request all cover it
     end_s: float
     trajectory: CoordinateTrajectory  # see `motion.opensim`; over the whole recording

@@ -25,8 +25,10 @@ from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trial import NO_PLATE, UNUSABLE_RECORDING
 from vsf_drake.report.layer_curves import RESULTANT, component_of, draw_layers, layer_handles
 from vsf_drake.report.style import (
+    ASIDE_S,
     FULCRUM,
     HEEL_COLOUR,
+    LINES,
     MARKERS,
     MEASURED,
     NEUTRAL,
@@ -54,10 +56,8 @@ from vsf_drake.walks.quantities import JUDGED, quantity
 if TYPE_CHECKING:  # it would bring Drake
     from vsf_drake.walks.sweep_table import SweepRow, SweepTable
 
-_ZONE_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
 # inches, and letters on a line of the title
 WIDTH = 5.4
-_ASIDE_S = 0.1  # of time before and after what is compared
 TITLE_WIDTH = 60
 # stances that the legend tells apart; a longer recording shows its footprints without one
 MOST_LABELLED = 4
@@ -326,8 +326,8 @@ def _seen_s(comparison: Comparison) -> tuple[float, float]:
     if not spans:
         return whole
     return (
-        max(min(start for start, _ in spans) - _ASIDE_S, whole[0]),
-        min(max(end for _, end in spans) + _ASIDE_S, whole[1]),
+        max(min(start for start, _ in spans) - ASIDE_S, whole[0]),
+        min(max(end for _, end in spans) + ASIDE_S, whole[1]),
     )
 
 
@@ -404,7 +404,7 @@ def _zones(axes: Axes, result: WalkResult, comparison: Comparison) -> None:
             load,
             color=shade,
             linewidth=1.3,
-            linestyle=_ZONE_LINES[i % len(_ZONE_LINES)],
+            linestyle=LINES[i % len(LINES)],
             label=zone.replace("_", " ").replace("posterior", "post.").replace("anterior", "ant."),
         )
     axes.set_xlim(*_seen_s(comparison))

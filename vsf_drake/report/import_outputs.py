@@ -43,6 +43,7 @@ from vsf_drake.report.page import FIGURES, render
 from vsf_drake.report.recorded_replay import REPLAY, flaws, write_recordings
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import (
+    ASIDE_S,
     MARK_COLOURS,
     NEUTRAL,
     PANEL,
@@ -299,7 +300,6 @@ _ANGLES = (
 )
 _SWING_SHARE = 1.6
 _ABLE_BODIED: dict[str, Any] = {"color": NEUTRAL, "linewidth": 0.9, "linestyle": "--"}
-_ASIDE_S = 0.1  # of time before and after what is loaded
 _TIME = "time (s)"
 _LINE_M = 0.045  # a line of text beside the drawn person
 OFF_BW = 0.03  # vertical force of able-bodied walking (body weights) below which a foot has left
@@ -501,7 +501,7 @@ def _loaded_s(trial: Trial) -> tuple[float, float]:
     for plate in trial.plates.values():
         loaded = plate.time_s[plate.force_W[:, 2] > REST_N]
         ends += [*loaded[:1], *loaded[-1:]]
-    return min(ends) - _ASIDE_S, max(ends) + _ASIDE_S
+    return min(ends) - ASIDE_S, max(ends) + ASIDE_S
 
 
 def floor_figure(item: Examined) -> Figure:

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 
 from vsf_drake.model.setting import AtSetting
 from vsf_drake.report.style import (
+    ASIDE_S,
     MEASURED,
     NEUTRAL,
     PANEL,
@@ -38,8 +39,7 @@ LOOKS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 """By name in `walks.prediction.layer_curves`: what a legend calls it, and its look."""
 _LOADED_BW = 0.02
-_ASIDE_S = 0.1
-"""What counts as stance, and how much is shown before and after it (choices)."""
+"""What counts as stance (a choice)."""
 BAND: dict[str, Any] = {"color": "black", "alpha": 0.16, "linewidth": 0.0}
 INTERVAL = "its 80 % interval"
 
@@ -79,7 +79,7 @@ def layers_figure(curves: Arrays, setting: AtSetting, *, synthetic: bool) -> Fig
             np.nan_to_num(np.fmax(curves["plate"][:, 2], curves["physics"][:, 2])) > _LOADED_BW
         ]
         if loaded.size:
-            panels[0].set_xlim(loaded[0] - _ASIDE_S, loaded[-1] + _ASIDE_S)
+            panels[0].set_xlim(loaded[0] - ASIDE_S, loaded[-1] + ASIDE_S)
         known = [
             entry("plate", color=colour, **MEASURED),
             entry("physics alone", color=colour, **SIMULATED),

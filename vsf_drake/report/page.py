@@ -291,7 +291,6 @@ def chapter_page(
             appendix.
     """
     shown = [ShownChapter(chapter, folder, lenient=lenient, svg=svg) for chapter in chapters]
-    story, appendix = (layers[0], layers[1]) if len(layers) > 1 else ("", "")
     return [
         render(
             "chapters.html.j2",
@@ -300,8 +299,8 @@ def chapter_page(
             synthetic=synthetic,
             alarm=alarm,
             chapters=shown,
-            appendix="" if file == appendix else appendix,
-            story=story if file == appendix else "",
+            appendix="" if file == layers[-1] else layers[-1],
+            story="" if file == layers[0] else layers[0],
         )
         for file in layers
     ], shown

@@ -17,6 +17,7 @@ from vsf_drake.report.page import Chapter, number, render, write_csv
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import (
     HEEL_COLOUR,
+    LINES,
     MARKERS,
     NEUTRAL,
     PANEL,
@@ -29,7 +30,6 @@ from vsf_drake.report.style import (
 )
 
 CSV = "protocol.csv"
-_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
 _RINGS = 4
 _CIRCLE = (0.2, 0.2, 0.6, 0.67)  # of the picture: left, bottom, width, height
 _NAMES_AT = 1.06  # where names of axes stand, in radii
@@ -100,7 +100,7 @@ PROTOCOL = ResultsFolder(
     arrays="protocol.npz",
     names=(CSV,),
     show=protocol_page,
-    known=lambda table: str(table.get("format")).startswith("vsf_drake bench protocol"),
+    known=lambda table: str(table.get("format")).startswith(FORMAT.rpartition(" ")[0]),
     valid=lambda table, path: _of_this_format(table),
 )
 
@@ -187,8 +187,8 @@ def radar_figure(table: ProtocolTable, drawn: list[int]) -> Figure:
                 turn,
                 _NAMES_AT,
                 "\n".join((*row.clause.axis.split(" ", 1), f"to {end:g}{unit}")),
-                ha="left" if aside > 0.0 else "right" if aside < 0.0 else "center",
-                va="bottom" if above > 0.0 else "top" if above < 0.0 else "center",
+                ha=("center", "left", "right")[int(np.sign(aside))],
+                va=("center", "bottom", "top")[int(np.sign(above))],
             )
         axes.spines["polar"].set_color(NEUTRAL)
         names = [table.settings[i].setting_short for i in drawn]
@@ -253,7 +253,7 @@ def _look(table: ProtocolTable, i: int) -> dict[str, Any]:
     several = len(table.settings) > 1
     return {
         "color": colour_of(table.settings[i]) if several else HEEL_COLOUR,
-        "linestyle": _LINES[i % len(_LINES)],
+        "linestyle": LINES[i % len(LINES)],
     }
 
 

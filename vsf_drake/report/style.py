@@ -118,6 +118,9 @@ def drawing(width: float, height: float) -> Iterator[Figure]:
 
 Arrays = Mapping[str, np.ndarray]
 FULCRUM = "fulcrum from the keel's posterior end (mm)"
+ASIDE_S = 0.1  # of time shown before and after what a figure is about (a choice)
+LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
+"""Kinds of line that are told apart without a colour."""
 
 
 def colour_of(at: AtSetting | float | None, among: Iterable[AtSetting] = ()) -> ColorType:

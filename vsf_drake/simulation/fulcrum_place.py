@@ -7,7 +7,7 @@ from pathlib import Path
 
 from scipy.optimize import brentq
 
-from vsf_drake.base.errors import require
+from vsf_drake.base.errors import InputError, require
 from vsf_drake.model.model_file import NO_FULCRUM, stated_fulcrum
 from vsf_drake.model.parameters import FootParameters
 from vsf_drake.model.setting import moves
@@ -47,15 +47,11 @@ def fulcrum_place(
     if said is None:
         return stated_fulcrum(None, foot, default_m=default_m, file=file, where=where)
     told = _SAID.fullmatch(str(said))
-    unit = "" if told is None else told[2].lower()
-    require(
-        told is not None and unit in ("", "mm", "n/mm"),
-        f"{said!r} is no position of the fulcrum",
-        where,
-        _RIGHT,
-        file=file,
-    )
-    assert told is not None
+    unit = told and told[2].lower()
+    if told is None or unit not in ("", "mm", "n/mm"):
+        raise InputError(
+            f"{said!r} is no position of the fulcrum", file=file, where=where, right=_RIGHT
+        )
     number = float(told[1])
     low = foot.fulcrum.rearmost_m
     high = foot.fulcrum.foremost_m

@@ -451,8 +451,7 @@ PAPER_MASS_ERROR = -0.026
 
 @dataclass(frozen=True, kw_only=True)
 class StoodRow(AtSetting):
-    """A person who stood at one setting; what has no comment here is as
-    `standing_table` has it."""
+    """A person who stood at one setting; what has no comment here is as `standing_table` has it."""
 
     mass_known_kg: float
     mass_predicted_kg: float  # mean force of both feet over 9.81 m/s²

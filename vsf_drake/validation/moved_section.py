@@ -98,13 +98,13 @@ def moved_section(study: Study, *, progress: Progress | None = None) -> Section[
                 np.array([curves[one.label][name][0] for one in others]),
                 walk.trial.fulcrum_m,
             )
-    null_label = BETWEEN if between else others[0].label if others else None
+    null_label = others[0].label if others else None
     return Section(
         arrays=arrays,
         table=MovedTable(
             label=walk.label,
             **vars(walk.setting),
-            null_label=null_label,
+            null_label=BETWEEN if between else null_label,
             drawn=DrawnFoot(
                 pylon_x_mm=1e3 * foot.pylon_x_m,
                 mount_z_mm=1e3 * (foot.build_height_m + sole_height(foot)),

@@ -186,8 +186,8 @@ class DifferenceTable:
 
 
 def side_of(name: str, trials: Sequence[Trial], *, simulated: bool = False) -> Side:
-    """The walks of a side; InputError unless they are of one person at one setting, each with a
-    whole stance on a plate."""
+    """The walks of a side; InputError unless they are of one person on one foot at one setting,
+    each with a whole stance on a plate."""
     first = trials[0]
     for trial in trials[1:]:
         require(

@@ -49,6 +49,24 @@ def test_the_force_changes_by_nothing_where_the_walk_had_its_fulcrum_and_by_the_
     assert not any("error" in name for frame in frames for name in frame)
 
 
+def test_push_off_is_of_the_second_half_of_stance_whatever_the_first_bears(moved):
+    table, arrays = moved
+    force = arrays["resultant_model"].copy()
+    force[-1, 20] = 9.0
+    spiked = moved_walk(table, arrays | {"resultant_model": force})["frames"][-1]
+    assert spiked["moved-push-off"] == moved_walk(table, arrays)["frames"][-1]["moved-push-off"]
+
+
+def test_the_arrow_of_a_load_is_as_long_as_the_load_is_large(moved):
+    table, arrays = moved
+    tails = []
+    for frame in moved_walk(table, arrays)["frames"]:
+        tail, head, *_ = (point.split(",") for point in frame["moved-arrow"].split())
+        tails.append(float(tail[1]) - float(head[1]))
+    load = arrays["load"][:, 0]
+    np.testing.assert_allclose(tails, tails[-1] * load / load[-1], atol=0.2)
+
+
 def test_the_drawn_fulcrum_stands_on_the_drawn_keel_and_moves_to_the_toe(moved):
     drawn = moved_walk(*moved)
     tips = []

@@ -187,6 +187,7 @@ def test_results_of_another_version_show_what_they_have_and_name_the_rest(tmp_pa
         in shown
     )
     assert any(sentence.startswith("Walking: This version cannot show") for sentence in missing)
+    assert any(sentence.startswith("These results have format 7") for sentence in missing)
     assert not (out / "figures" / "force.png").exists(), "a figure of the earlier report"
 
 

@@ -440,8 +440,7 @@ def write_model_page(
 
     The load comes on with the fulcrum at its rearmost position, the fulcrum moves to its foremost
     one under it, the load goes (no move of a passive foot); then every other control goes to a
-    positive value and back, in the
-    order of the caption.
+    positive value and back, in the order of the caption.
     """
     meshcat = drawing.open_meshcat()
     scene = Scene(meshcat, what, model, subject, keel_joints=keel_joints)

@@ -25,7 +25,7 @@ from vsf_drake.validation.run import NAMES, Validation, is_kept, tables
 from vsf_drake.validation.study import Study, StudyWalk
 from vsf_drake.walks.published import CANNOT_SAY, CONTRADICTED, REPRODUCED
 
-FORMAT = 1
+FORMAT = 2
 WALKS = "walks"
 REPLAY = "replay.html"
 UNFINISHED = "unfinished"
