@@ -77,10 +77,13 @@ def test_walks_on_a_passive_foot_are_named_by_it_in_a_folder_of_several_feet(tmp
     [
         (f"{WALKS}@151", "is on both sides"),
         (WALKS, "holds walks of 3 settings (66, 108, 151 mm). Name the setting behind the folder"),
-        (f"{WALKS}@77", "holds no walk at 77 mm. There are walks at 66 mm, 108 mm, 151 mm"),
+        (
+            f"{WALKS}@77",
+            "holds no walk at 77 mm. There are walks with fulcrum 66 mm, fulcrum 108 mm, fulcrum 151 mm",
+        ),
         (f"{WALKS}@", "behind the @: '' is no position of the fulcrum"),
         (f"{WALKS}@soft", "behind the @: 'soft' is no position of the fulcrum"),
-        (f"{ON_TWO_FEET}@77", "There are walks at passive, 66 mm, 108 mm, 151 mm"),
+        (f"{ON_TWO_FEET}@77", "There are walks with foot passive, fulcrum 66 mm, fulcrum 108 mm"),
         (ON_TWO_FEET, "holds walks on 2 feet (one with a fulcrum, passive). Name one foot behind"),
         (WALKS / "nowhere", "there is no such file or folder"),
         (WALKS.parents[2], "holds no trial manifests"),

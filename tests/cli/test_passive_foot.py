@@ -50,7 +50,6 @@ def test_what_moves_a_fulcrum_refuses_the_foot_without_one(run, tmp_path, words,
         (("sweep", "WALK", "--vary", "fulcrum.shift=0.01"), "Leave --vary fulcrum.shift out"),
         (("predict", "WALK", "--contact", CONTACT, "--fulcrum-mm", 80), "nothing is predicted"),
         (("tune", "WALK"), "There is nothing to tune on a passive foot"),
-        (("compare", "WALK@66", "WALK"), "Leave it out"),
     ],
 )
 def test_walks_on_it_can_be_given_no_setting(run, tmp_path, walk, words, right):
@@ -59,6 +58,12 @@ def test_walks_on_it_can_be_given_no_setting(run, tmp_path, walk, words, right):
     said = " ".join(error.split())
     assert code == 2 and NO_FULCRUM in said and right in said and "Traceback" not in said
     assert not (tmp_path / "out").exists()
+
+
+def test_a_comparison_at_a_place_that_it_has_not_names_the_foot(run, tmp_path, walk):
+    code, _, error = run("compare", f"{walk}@66", walk, "--out", tmp_path / "out")
+    said = " ".join(error.split())
+    assert code == 2 and "holds no walk at 66. There are walks with foot passive" in said
 
 
 def test_the_bench_presses_it_as_it_is(run, tmp_path):

@@ -85,7 +85,7 @@ def _standing_at(setting: str, trials: Sequence[Trial], side: str) -> list[Trial
     from vsf_drake.walks.between_settings import SETTING_M
 
     known = sorted({trial.setting for trial in trials}, key=lambda known: known.setting_order)
-    there = f"There are walks at {', '.join(one.setting_short for one in known)}"
+    there = f"There are walks with {', '.join(one.setting_words for one in known)}"
     own = []
     at_m = None
     for trial in trials:
