@@ -27,6 +27,7 @@ import contact_fit_study.inputs as contact_fit
 import contact_truth_recovery as truth
 import device_hypotheses as devices
 import foot_from_curves
+import keel_torsion
 import numpy as np
 import own_strides
 import published_trends as trends
@@ -309,6 +310,25 @@ def made_feet(stored: dict[str, Any]) -> Numbers:
                 yield f"foot {number} {key}", found[key], was[key]
 
 
+def twisting_keel(stored: dict[str, Any]) -> Numbers:
+    """What twisting does to the reference subject's foot in one walk, and what the model of a
+    person whose foot twists misses in one."""
+    name = keel_torsion.WALKS[0]
+    foot = keel_torsion.true_foot(keel_torsion.REFERENCE_SUBJECT, name)
+    contact = keel_torsion.fitted_contact("a")
+    model = keel_torsion.model_curves(keel_torsion.recorded("a", name), contact)
+    twisting = keel_torsion.stance_curves(
+        foot.walk(twists=keel_torsion.TWISTS), foot.walk(twists=0).plate
+    )
+    for person, key, curves in (
+        (keel_torsion.REFERENCE_SUBJECT, "twisting", twisting),
+        ("a", "error", model),
+    ):
+        was = stored["persons"][person]["walks"][name][key]
+        for quantity, found in keel_torsion.differences(curves).items():
+            yield f"{person} {name} {key} {quantity}", found, was[quantity]
+
+
 CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "floor": ("floor_of_the_reference_subject.py", floors),
     "contact_fit": ("contact_fit.py", fitted_pair),
@@ -322,6 +342,7 @@ CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "angle_errors": ("angle_errors.py", disturbed_walks),
     "recording_faults": ("recording_faults.py", spoiled_walk),
     "foot_from_curves": ("foot_from_curves.py", made_feet),
+    "keel_torsion": ("keel_torsion.py", twisting_keel),
     "settings": ("ship_validation.py", settings_as_walked),
     "sensitivity": ("ship_validation.py", sensitivity_before_changes),
 }

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 from contact_fit_study.cases import TIERS
 from contact_fit_study.table import markdown_table
+from keel_torsion import EDGE_RAD
 from quoted import flat, left_over, page, percent, rows_in_layers, stored
 
 import vsf_drake as vsf
@@ -51,6 +52,7 @@ TUNE = (
 ANSWER = ("docs/guide/which_stiffness.md",)
 ENGINES = ("docs/guide/engines.md",)
 ENERGY = ("docs/energy.md",)  # its tables
+DEPARTURES = ("docs/departures.md",)  # on a keel that twists
 NO_RESULTS = {
     VALIDATE: {
         "Stored 2026-11-30": "a date",
@@ -948,6 +950,77 @@ def condensed_errors() -> Iterator[str]:
     yield f"energy by up to {100 * max(worst.stored, worst.returned):.1f} %"
 
 
+def keel_torsion() -> Iterator[str]:
+    """What a keel that twists would change, in eight walks."""
+    found = stored("studies/results/keel_torsion.json")
+    walks = {
+        (person, name): walk
+        for person, part in found["persons"].items()
+        for name, walk in part["walks"].items()
+    }
+
+    def over(part: str, key: str, shown: str = ".2f", scale: float = 1.0) -> str:
+        values = [scale * walk[part][key] for walk in walks.values() if part in walk]
+        return " to ".join(dict.fromkeys(f"{end:{shown}}" for end in (min(values), max(values))))
+
+    softer = f"{found['keel']['softer']:.2f} times the shear modulus"
+    edge = f"in a foot turned on its edge by {np.degrees(EDGE_RAD):.0f}°"
+    yield f"| what twisting changes in the true foot | with {softer} | {edge} |"
+    for title, key, scale in (
+        ("free moment (N m)", "free_moment", 1.0),
+        ("centre of pressure sideways (mm)", "lateral_cop", 1.0),
+        ("sideways force (% BW)", "medio_lateral", 100.0),
+        ("resultant force (% BW)", "resultant", 100.0),
+    ):
+        parts = ("twisting", "soft", "on_edge", "step", "error")
+        cells = [over(part, key, scale=scale) for part in parts]
+        yield f"| {title} | {' | '.join(cells)} |"
+    most = {
+        key: max(walk["twisting"][key] for walk in walks.values())
+        for key in ("free_moment", "resultant", "lateral_cop")
+    }
+    yield (
+        f"up to {most['free_moment']:.2f} N m of the free moment, {100 * most['resultant']:.2f} % "
+        f"BW, {most['lateral_cop']:.1f} mm of the centre of pressure sideways"
+    )
+    twisted = [walk for walk in walks.values() if "with_torsion" in walk]
+    assert len(twisted) == 6
+    without = [walk["error"]["free_moment"] for walk in twisted]
+    yield (
+        f"are off by {over('with_torsion', 'free_moment')} N m, by {min(without):.2f} to "
+        f"{max(without):.2f} without"
+    )
+    own = [walks["reference", name]["error"] for name in ("low_2", "high_2")]
+    yield "the error is {:.2f} and {:.2f} N m (R² {:.2f} and {:.2f})".format(
+        *(row[key] for key in ("free_moment", "free_moment_r2") for row in own)
+    )
+    nearer = [
+        walk["constant"]["free_moment"] < walk["error"]["free_moment"] for walk in walks.values()
+    ]
+    yield (
+        f"in {sum(nearer)} of {len(walks)} walks: the mean free moment of the two fitted walks, "
+        f"{over('constant', 'free_moment')} N m off"
+    )
+    yield (
+        f"leaves {over('friction', 'free_moment')} N m, and spoils the fore-aft force: "
+        f"{over('friction', 'fore_aft', '.1f', 100.0)} % BW, "
+        f"{over('error', 'fore_aft', '.1f', 100.0)} before"
+    )
+    yield f"with errors, is {over('own_floor', 'free_moment')} N m off"
+    keel = found["keel"]
+    yield (
+        f"({keel['torsion_nm2']:.1f} N m² against twist with the "
+        f"{1e-9 * keel['shear_modulus_pa']:.1f} GPa of glass in epoxy, {keel['bending_nm2']:.1f} "
+        f"in bending, {keel['sideways_nm2']:.0f} sideways)"
+    )
+    yield (
+        f"twist by {over('closed_form', 'twist_deg', '.1f')}° at the toe if only A held it, yaw by "
+        f"{over('closed_form', 'yaw_deg')}° and go sideways by "
+        f"{over('closed_form', 'sideways_mm')} mm"
+    )
+    yield f"free moment by {over('inverted', 'free_moment')} N m"
+
+
 def together(names: tuple[str, ...]) -> str:
     """A page of the guide with the pages of evidence for it."""
     return " ".join(map(page, names))
@@ -959,6 +1032,7 @@ SOURCES = {
     TUNE: (able_bodied, strides, own_strides, signs),
     ANSWER: (the_answer,),
     ENERGY: (both_devices,),
+    DEPARTURES: (keel_torsion,),
     ENGINES: (certified, condensed_errors),
 }
 
