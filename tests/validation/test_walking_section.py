@@ -273,6 +273,12 @@ def test_walks_stand_in_layers_where_the_contact_keeps_what_its_plates_taught(se
     assert f"{np.mean(errors):.1f} % corrected by the person's own momentum" in shown.words
     nulls = ("null_model_grf_rmse_bw", "null_model_predicted_times_grf_rmse_bw")
     harder = min(np.mean([row.scores[name] for row in rows]) for name in nulls)
+    harder_one = min(nulls, key=lambda name: np.mean([row.scores[name] for row in rows]))
+    assert table.nearer == [
+        row.scores["physics_grf_rmse_bw"] < row.scores[harder_one]
+        for row in rows
+        if row.role == "held out"
+    ]
     for null_bw, again in ((harder, False), (harder + 0.004, True)):
         scores = {**section.table.held_out.scores, "null_model_grf_rmse_bw": null_bw}
         held_out = dataclasses.replace(section.table.held_out, scores=scores)

@@ -37,7 +37,7 @@ from vsf_drake.walks.fulcrum_sweep import (
 from vsf_drake.walks.numbers import Spread, by_setting, finite, rms, spread
 from vsf_drake.walks.phases import PhaseErrors, mean_phases
 from vsf_drake.walks.plate_score import judged, plate_scorer
-from vsf_drake.walks.prediction import LAYERS, MOMENTUM, PERSON, layer_curves, predict
+from vsf_drake.walks.prediction import LAYERS, MOMENTUM, PERSON, PHYSICS, layer_curves, predict
 from vsf_drake.walks.prediction import judged as judged_in_layers
 from vsf_drake.walks.quantities import IN_LATE_STANCE, JUDGED, NULL, STRETCHED, Scored, mean
 from vsf_drake.walks.recorded_walk import with_contact
@@ -144,8 +144,22 @@ class LayersTable:
     @property
     def null_bw(self) -> float | None:
         """Likewise of the harder null model of the fitted walks."""
-        nulls = [self._mean(name) for name in (NULL, IN_LATE_STANCE)]
-        return min((one for one in nulls if one is not None), default=None)
+        return min(self._nulls().values(), default=None)
+
+    @property
+    def nearer(self) -> list[bool]:
+        """Of each held-out walk whether physics alone is nearer than that null model."""
+        nulls = self._nulls()
+        harder = min(nulls, key=lambda name: nulls[name], default=NULL)
+        return [
+            row.number(f"{PHYSICS}_{JUDGED}") < row.number(harder)
+            for row in self.rows
+            if row.role == HELD_OUT and row.scores[harder] is not None
+        ]
+
+    def _nulls(self) -> dict[str, float]:
+        means = {name: self._mean(name) for name in (NULL, IN_LATE_STANCE)}
+        return {name: value for name, value in means.items() if value is not None}
 
     def _mean(self, name: str) -> float | None:
         return mean(row.scores[name] for row in self.rows if row.role == HELD_OUT)
