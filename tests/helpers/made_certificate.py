@@ -6,16 +6,25 @@ import numpy as np
 from made_condensed import MADE_ERROR
 
 from vsf_drake.engines.certificate.rows import FAILED, NOT_RUN
-from vsf_drake.engines.certificate.run import ENGINES, REFERENCE, Certificate, Ran, certificate_of
+from vsf_drake.engines.certificate.run import (
+    ENGINES,
+    KEPT,
+    REFERENCE,
+    Certificate,
+    Ran,
+    certificate_of,
+)
 from vsf_drake.model.parameters import FootParameters
 
-ASKED = {
+_ASKED = {
     "fulcrum_mm": np.array([66.0, 108.0]),
     "load_n": np.array([100.0, 200.0, 300.0]),
     "time_s": np.linspace(0.0, 0.8, 9),
     "roll_fulcrum_mm": np.array(87.0),
     "poses_rad": np.array([[0.1, -0.2], [0.0, 0.1], [0.05, 0.0]]),
 }
+ASKED = {name: _ASKED[name] for name in KEPT}
+"""As a certificate keeps it: a page must need no more."""
 
 
 def made_certificate(*, apart: float = 0.0, not_run: str = "", failed: str = "") -> Certificate:

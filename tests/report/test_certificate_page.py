@@ -92,7 +92,7 @@ def test_a_saved_certificate_is_made_again_and_one_of_another_kind_is_refused(tm
     again = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert " ".join(re.sub("<[^>]*>", " ", again[again.index("<h1>") :]).split()) == before
     file = tmp_path / "certificate.json"
-    file.write_text(file.read_text().replace("certificate 1", "map 1"))
+    file.write_text(file.read_text().replace("certificate 2", "map 1"))
     with pytest.raises(InputError, match="is not the table of a certificate"):
         CERTIFICATE.read(tmp_path)
 

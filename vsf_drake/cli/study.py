@@ -205,6 +205,7 @@ def report(
     ] = False,
 ) -> None:
     """Makes a report again from its saved results; nothing is simulated."""
+    from vsf_drake.report.certificate_page import CERTIFICATE
     from vsf_drake.report.compare_page import COMPARE
     from vsf_drake.report.map_page import MAP
     from vsf_drake.report.predict_page import PREDICT
@@ -214,7 +215,17 @@ def report(
     from vsf_drake.report.tuning.chapters import TUNING
     from vsf_drake.report.validation.output import PUBLISHED, VALIDATION
 
-    kinds = (COMPARE, TUNING, MAP, PREDICT, PROTOCOL, PUBLISHED, SESSION, VALIDATION)
+    kinds = (
+        CERTIFICATE,
+        COMPARE,
+        TUNING,
+        MAP,
+        PREDICT,
+        PROTOCOL,
+        PUBLISHED,
+        SESSION,
+        VALIDATION,
+    )
     found = [kind for kind in kinds if (folder / kind.table).exists() or kind.unfinished(folder)]
     require(
         found,

@@ -33,7 +33,7 @@ REFERENCE = "stepper"
 """This package, with which the others are compared."""
 LONGEST_S = 1200.0
 """That an engine may take."""
-FORMAT = "vsf_drake certificate 1"
+FORMAT = "vsf_drake certificate 2"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +73,8 @@ class Certificate:
         return agree(self.rows)
 
 
+KEPT = ("fulcrum_mm", "load_n", "time_s", "roll_fulcrum_mm", "poses_rad")
+"""Of what was asked (`Asked`) what the results hold."""
 ENGINES = {row["name"]: Engine(**row) for row in table_of("engines/certificate/engines.csv")}
 
 
@@ -111,7 +113,7 @@ def certify(
         asked, condensed = ask(folder, parameters)
         show("asking", 0.1)
         ran, answers = run(folder, chosen, part_of(progress, 0.1, 0.85))
-    own = {name: getattr(asked, name) for name in ("fulcrum_mm", "load_n", "time_s")}
+    own = {name: np.asarray(getattr(asked, name)) for name in KEPT}
     return certificate_of(parameters, own, ran, answers, condensed, inputs or {})
 
 
@@ -123,7 +125,7 @@ def certificate_of(
     condensed: CondensedError,
     inputs: Mapping[str, str],
 ) -> Certificate:
-    """The verdict on the answers, by engine, to what was `asked` (fulcrum_mm, load_n, time_s); the
+    """The verdict on the answers, by engine, to what was `asked` (KEPT); the
     error of the `condensed` foot is reported with it."""
     rows = judge(ran, answers)
     drawn = {
