@@ -89,10 +89,7 @@ def test_bars_have_the_errors_that_the_sections_hold(quick_validation):
     facts = story_chapter(content, {}).facts
     off, null = facts["numbers"]["error"]["values"][0], facts["numbers"]["error"]["values"][-1]
     assert off == pytest.approx(100.0 * tables["walking"]["held_out"]["grf_rmse_bw"])
-    said = (
-        f"{off:.1f} % of body weight off (RMS), that of other walks' plate curves, without any "
-        f"model, {null:.1f} %"
-    )
+    said = f"{off:.1f} % of body weight off (RMS), theirs {null:.1f} %"
     assert said in content["verdict"][0]
     assert facts["numbers"]["stiffness"]["published"] == [10.0, 32.0]
     returned = [row["returned_j"] for row in tables["energy"]["conditions"]]
